@@ -1,0 +1,55 @@
+"""Exact shadows of arbitrary triangle soups."""
+
+from umbrae.camera import Camera
+from umbrae.clock import Clock
+from umbrae.errors import (
+    CapacityError,
+    InputError,
+    ModelError,
+    OptionError,
+    OutputError,
+    RecentredWarning,
+    UmbraeError,
+)
+from umbrae.files import load, save
+from umbrae.image import Image
+from umbrae.light import Light
+from umbrae.mask import Guarantee, ShadowMask
+from umbrae.material import Material
+from umbrae.methods import METHODS, Caster, Method, shadow
+from umbrae.render import render
+from umbrae.samples import ViewSamples
+from umbrae.sampling import sample
+from umbrae.scene import Scene
+from umbrae.verify import Verdict, verify
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "METHODS",
+    "Camera",
+    "CapacityError",
+    "Caster",
+    "Clock",
+    "Guarantee",
+    "Image",
+    "InputError",
+    "Light",
+    "Material",
+    "Method",
+    "ModelError",
+    "OptionError",
+    "OutputError",
+    "RecentredWarning",
+    "Scene",
+    "ShadowMask",
+    "UmbraeError",
+    "Verdict",
+    "ViewSamples",
+    "load",
+    "render",
+    "sample",
+    "save",
+    "shadow",
+    "verify",
+]

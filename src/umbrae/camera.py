@@ -1,0 +1,130 @@
+"""The eye that looks at a scene."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae.errors import InputError
+from umbrae.scene import Scene
+
+Vector = Sequence[float] | NDArray[np.floating]
+
+MAX_SIDE_PX = 1 << 16
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera; made by `Camera.look_at` or `Camera.frame`.
+
+    Attributes
+    ----------
+    eye
+        `(3,)` float64 position in the scene's coordinates.
+    axes
+        `(3, 3)` float64 orthonormal rows: right, up, forward.
+    fov_y
+        Vertical field of view in degrees.
+    width, height
+        Picture size in pixels.
+    near
+        Distance of the near plane in world units: nothing closer is seen. There is no far plane.
+    """
+
+    eye: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    fov_y: float
+    width: int
+    height: int
+    near: float
+
+    @classmethod
+    def look_at(
+        cls,
+        eye: Vector,
+        target: Vector,
+        up: Vector = (0.0, 1.0, 0.0),
+        fov_y: float = 50.0,
+        width: int = 1920,
+        height: int = 1080,
+        near: float | None = None,
+    ) -> "Camera":
+        """A camera at `eye` that looks at `target`.
+
+        `near` defaults to a thousandth of the distance between the two. When the view direction is parallel to `up`,
+        another axis takes its place.
+        """
+        eye_position, target_position = _three(eye, "eye"), _three(target, "target")
+        forward = target_position - eye_position
+        distance = float(np.linalg.norm(forward))
+        if distance == 0.0:
+            raise InputError(f"Camera: eye and target are the same point {eye_position.tolist()}")
+        if not (isinstance(fov_y, (int, float)) and 0.0 < fov_y < 180.0):
+            raise InputError(f"Camera.fov_y: wanted degrees between 0 and 180, got {fov_y}")
+        for name, size in (("width", width), ("height", height)):
+            if not 1 <= size <= MAX_SIDE_PX:
+                raise InputError(f"Camera.{name}: wanted 1 to {MAX_SIDE_PX} pixels, got {size}")
+        if near is None:
+            near = distance / 1000.0
+        if not (math.isfinite(near) and near > 0.0):
+            raise InputError(f"Camera.near: wanted a distance > 0, got {near}")
+        forward = forward / distance
+        up_axis = _three(up, "up")
+        length = float(np.linalg.norm(up_axis))
+        if length == 0.0:
+            raise InputError("Camera.up: wanted a vector that is not zero")
+        right = np.cross(forward, up_axis / length)
+        if np.linalg.norm(right) < 1e-6:
+            right = np.cross(forward, np.roll(np.eye(3)[int(np.argmax(np.abs(up_axis)))], 1))
+        right = right / np.linalg.norm(right)
+        axes = np.stack([right, np.cross(right, forward), forward])
+        return cls(eye_position, axes, float(fov_y), int(width), int(height), float(near))
+
+    @classmethod
+    def frame(
+        cls,
+        scene: Scene,
+        up: Vector = (0.0, 1.0, 0.0),
+        fov_y: float = 50.0,
+        width: int = 1920,
+        height: int = 1080,
+    ) -> "Camera":
+        """A camera that sees the whole scene from a raised corner, filling the picture."""
+        low, high = scene.bounds.astype(np.float64)
+        center = (low + high) / 2
+        radius = float(np.linalg.norm(high - low)) / 2 or 1.0
+        up_axis = _three(up, "up") / (float(np.linalg.norm(_three(up, "up"))) or 1.0)
+        side = np.roll(up_axis, 1)
+        side = side - up_axis * float(side @ up_axis)
+        side = side / np.linalg.norm(side)
+        other = np.cross(up_axis, side)
+        toward = 0.55 * side + 0.75 * other + 0.45 * up_axis
+        toward = toward / np.linalg.norm(toward)
+        camera = cls.look_at(center + toward * radius * 4.0, center, up_axis, fov_y, width, height)
+        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        right, upward, depth = camera.axes @ (corners - center).T
+        tan_y = math.tan(math.radians(fov_y) / 2)
+        tan_x = tan_y * width / height
+        # A corner at (right, upward, depth) of the centre is inside the picture when |right| <= tan_x (d + depth).
+        needed = np.maximum(np.abs(right) / tan_x, np.abs(upward) / tan_y) - depth
+        distance = max(1.06 * float(needed.max()), 1e-3 * radius)
+        return cls.look_at(center + toward * distance, center, up_axis, fov_y, width, height, near=1e-3 * distance)
+
+    @property
+    def world_to_clip(self) -> NDArray[np.float64]:
+        """`(3, 4)` float64: maps `(x, y, z, 1)` to `(X, Y, W)`, with `X / W`, `Y / W` in [-1, 1] across the picture.
+
+        x grows to the right and y upwards; `W` is the distance along the view direction in world units.
+        """
+        tan_y = math.tan(math.radians(self.fov_y) / 2)
+        rows = self.axes * np.array([[self.height / (tan_y * self.width)], [1.0 / tan_y], [1.0]])
+        return np.concatenate([rows, -(rows @ self.eye)[:, None]], axis=1)
+
+
+def _three(values: Vector, name: str) -> NDArray[np.float64]:
+    vector = np.asarray(values, np.float64)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise InputError(f"Camera: wanted 3 finite numbers for {name}, got {values}")
+    return vector

@@ -1,0 +1,132 @@
+"""Where light comes from."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae.errors import InputError
+
+Vector = Sequence[float] | NDArray[np.floating]
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """A light in homogeneous coordinates; made by `Light.point`, `Light.directional` or `Light.sun`.
+
+    Attributes
+    ----------
+    position
+        `(4,)` float32 `(x, y, z, w)`. `w = 1`: a point that shines in all directions. `w = 0`: parallel light from
+        the direction `(x, y, z)`, that is, the direction towards the light. These float32 numbers are the light:
+        they are rounded once, here, and every method computes with just them.
+    color
+        Linear RGB.
+    intensity
+        Factor on the colour. A surface that faces the light at right angles receives `color * intensity`,
+        at any distance.
+    """
+
+    position: NDArray[np.float32]
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    intensity: float = 1.0
+
+    def __post_init__(self) -> None:
+        position = np.array(self.position, np.float32)
+        if position.shape != (4,):
+            raise InputError(f"Light.position: wanted 4 homogeneous coordinates, got shape {position.shape}")
+        if not np.isfinite(position).all() or np.abs(position).max() > 1e18:
+            raise InputError(f"Light.position: wanted finite numbers up to 1e18, got {position.tolist()}")
+        if position[3] not in (0.0, 1.0):
+            raise InputError(f"Light.position: wanted w = 0 or w = 1, got {position[3]}")
+        if position[3] == 0.0 and not position[:3].any():
+            raise InputError("Light: a directional light needs a direction that is not zero")
+        if len(self.color) != 3 or not all(math.isfinite(c) and c >= 0 for c in self.color):
+            raise InputError(f"Light.color: wanted 3 numbers >= 0, got {self.color}")
+        if not (math.isfinite(self.intensity) and self.intensity >= 0):
+            raise InputError(f"Light.intensity: wanted a number >= 0, got {self.intensity}")
+        position.flags.writeable = False
+        object.__setattr__(self, "position", position)
+
+    @classmethod
+    def point(
+        cls, position: Vector, color: tuple[float, float, float] = (1.0, 1.0, 1.0), intensity: float = 1.0
+    ) -> "Light":
+        """A point light at `position`, three world coordinates."""
+        return cls(np.append(_three(position, "position"), 1.0), color, intensity)
+
+    @classmethod
+    def directional(
+        cls, direction: Vector, color: tuple[float, float, float] = (1.0, 1.0, 1.0), intensity: float = 1.0
+    ) -> "Light":
+        """Parallel light that travels along `direction` (any length but zero)."""
+        return cls(np.append(-_three(direction, "direction"), 0.0), color, intensity)
+
+    @classmethod
+    def sun(
+        cls,
+        azimuth: float,
+        elevation: float,
+        up: Vector = (0.0, 1.0, 0.0),
+        north: Vector | None = None,
+        color: tuple[float, float, float] = (1.0, 1.0, 1.0),
+        intensity: float = 1.0,
+    ) -> "Light":
+        """Parallel light from the sun's place in the sky.
+
+        Parameters
+        ----------
+        azimuth
+            Degrees clockwise from north, seen from above.
+        elevation
+            Degrees above the horizon, -90 to 90.
+        up
+            World up; y by default.
+        north
+            World north; by default -z when up is y, +y when up is z. Needed for any other `up`.
+        """
+        if not math.isfinite(azimuth):
+            raise InputError(f"Light.sun: wanted a finite azimuth in degrees, got {azimuth}")
+        if not -90.0 <= elevation <= 90.0:
+            raise InputError(f"Light.sun: wanted an elevation of -90 to 90 degrees, got {elevation}")
+        up_axis, north_axis = horizon(up, north)
+        east_axis = np.cross(north_axis, up_axis)
+        turn, height = math.radians(azimuth), math.radians(elevation)
+        level = math.cos(turn) * north_axis + math.sin(turn) * east_axis
+        return cls(np.append(math.cos(height) * level + math.sin(height) * up_axis, 0.0), color, intensity)
+
+    @property
+    def is_directional(self) -> bool:
+        """Whether the light's rays are parallel (w = 0)."""
+        return bool(self.position[3] == 0.0)
+
+
+def horizon(up: Vector, north: Vector | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit vectors of up and north; north is made perpendicular to up."""
+    up_axis = _three(up, "up")
+    length = float(np.linalg.norm(up_axis))
+    if length == 0.0:
+        raise InputError("Light.sun: wanted an up vector that is not zero")
+    up_axis = up_axis / length
+    if north is None:
+        if np.array_equal(up_axis, (0, 1, 0)):
+            north = (0.0, 0.0, -1.0)
+        elif np.array_equal(up_axis, (0, 0, 1)):
+            north = (0.0, 1.0, 0.0)
+        else:
+            raise InputError(f"Light.sun: north is needed when up is neither y nor z, got up {up_axis.tolist()}")
+    north_axis = _three(north, "north")
+    north_axis = north_axis - up_axis * float(north_axis @ up_axis)
+    length = float(np.linalg.norm(north_axis))
+    if length == 0.0:
+        raise InputError("Light.sun: north must not be parallel to up")
+    return up_axis, north_axis / length
+
+
+def _three(values: Vector, name: str) -> NDArray[np.float64]:
+    vector = np.asarray(values, np.float64)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise InputError(f"Light: wanted 3 finite numbers for {name}, got {values}")
+    return vector

@@ -1,0 +1,48 @@
+"""The answer: which samples lie in shadow."""
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Guarantee(enum.StrEnum):
+    """How a method's verdicts relate to the truth."""
+
+    EXACT = "exact"
+    """No verdict differs from exact arithmetic."""
+    BANDED = "banded"
+    """No verdict differs outside a derived distance from the nearest face of any shadow volume."""
+    NONE = "none"
+    """Nothing is promised."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShadowMask:
+    """The verdict for every view sample of one light.
+
+    Attributes
+    ----------
+    in_shadow
+        `(...) bool`, the samples' shape: true where no light arrives. Background is lit.
+    guarantee
+        What the method promises about it.
+    band
+        `(...) float32` world units, for `BANDED`: verdicts nearer to a volume's face than this may differ.
+    stats
+        Work counters, whole numbers by name.
+    """
+
+    in_shadow: NDArray[np.bool_]
+    guarantee: Guarantee
+    band: NDArray[np.float32] | None = None
+    stats: Mapping[str, int] = field(default_factory=dict)
+
+    @cached_property
+    def transmittance(self) -> NDArray[np.float32]:
+        """`(..., 3) float32`, the share of light that arrives per colour channel: 1 lit, 0 dark."""
+        lit = np.where(self.in_shadow, np.float32(0), np.float32(1))
+        return np.repeat(lit[..., None], 3, axis=-1)

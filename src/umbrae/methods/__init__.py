@@ -1,0 +1,54 @@
+"""The shadow algorithms, one visible line each."""
+
+import difflib
+
+from umbrae.clock import Clock
+from umbrae.errors import OptionError
+from umbrae.light import Light
+from umbrae.mask import ShadowMask
+from umbrae.methods.frustum_cpu import Frustum
+from umbrae.methods.method import Caster, Method
+from umbrae.methods.oracle import Oracle
+from umbrae.samples import ViewSamples
+from umbrae.scene import Scene
+
+METHODS: dict[str, type[Method]] = {
+    "oracle": Oracle,
+    "frustum": Frustum,
+}
+
+__all__ = ["METHODS", "Caster", "Method", "make_method", "shadow"]
+
+
+def make_method(method: str | Method) -> Method:
+    """A method by name, or as it is."""
+    if isinstance(method, Method):
+        return method
+    if method not in METHODS:
+        near = difflib.get_close_matches(str(method), METHODS, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise OptionError(f"unknown method {method!r}{hint} (known: {', '.join(METHODS)})")
+    return METHODS[method]()
+
+
+def shadow(
+    scene: Scene,
+    light: Light,
+    samples: ViewSamples,
+    method: str | Method = "frustum",
+    clock: Clock | None = None,
+) -> ShadowMask:
+    """Decide for every sample whether it lies in the shadow that the scene casts from the light.
+
+    Parameters
+    ----------
+    method
+        A name from `METHODS`, or a `Method` with its options set.
+    clock
+        Hears which stage takes how long.
+    """
+    clock = clock or Clock()
+    with clock.span("prepare"):
+        caster = make_method(method).prepare(scene, clock)
+    with clock.span("shadow"):
+        return caster.shadow(light, samples, clock)

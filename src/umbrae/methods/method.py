@@ -1,0 +1,37 @@
+"""What every shadow algorithm looks like from outside."""
+
+import dataclasses
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from umbrae.clock import Clock
+from umbrae.light import Light
+from umbrae.mask import Guarantee, ShadowMask
+from umbrae.samples import ViewSamples
+from umbrae.scene import Scene
+
+
+class Caster(ABC):
+    """A scene's geometry, prepared once by a method; asked once per light and set of samples."""
+
+    @abstractmethod
+    def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
+        """Decide every sample; marks its stages as spans on `clock`."""
+
+
+@dataclass(frozen=True)
+class Method(ABC):
+    """A shadow algorithm. Its dataclass fields are its options, its docstring is its manual page."""
+
+    name: ClassVar[str]
+    paper: ClassVar[str]
+    guarantee: ClassVar[Guarantee]
+
+    @abstractmethod
+    def prepare(self, scene: Scene, clock: Clock | None = None) -> Caster:
+        """Do the work that depends on the geometry alone."""
+
+    def options(self) -> dict[str, Any]:
+        """Option values by name."""
+        return dataclasses.asdict(self)

@@ -1,0 +1,90 @@
+"""Compiled kernels on all cores: one decorator and one loop.
+
+Kernels release the interpreter lock and run on a pool of plain threads, task by task from a shared queue. Compared
+with Numba's own `prange` this balances uneven tasks, compiles in a fraction of the time, nests safely, reports
+progress and can be interrupted between tasks.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from functools import lru_cache
+from threading import Lock
+from typing import Any
+
+from numba import njit
+
+from umbrae.clock import Clock
+
+
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function with Numba: no interpreter lock, cached on disk, IEEE arithmetic as written (no fastmath)."""
+    compiled: Callable[..., Any] = njit(cache=True, nogil=True, error_model="numpy")(function)
+    return compiled
+
+
+def inline(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a small function that kernels call; LLVM inlines it."""
+    compiled: Callable[..., Any] = njit(cache=True, nogil=True, error_model="numpy", inline="never")(function)
+    return compiled
+
+
+def thread_count() -> int:
+    """Number of worker threads: `UMBRAE_THREADS`, else the cores this process may use."""
+    wanted = os.environ.get("UMBRAE_THREADS", "")
+    if wanted.isdigit() and int(wanted) > 0:
+        return int(wanted)
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@lru_cache(maxsize=4)
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="umbrae")
+
+
+def run(task: Callable[[int], Any], count: int, clock: Clock | None = None) -> list[Any]:
+    """Call `task(0) … task(count - 1)` from all threads, in order of the index, and return the results in order.
+
+    An exception, or an interruption of the calling thread, stops the queue: tasks under way finish, no new one starts.
+    Progress is reported to `clock` from the calling thread.
+    """
+    results: list[Any] = [None] * count
+    threads = min(thread_count(), count)
+    if threads <= 1:
+        for index in range(count):
+            results[index] = task(index)
+            if clock is not None:
+                clock.advance(index + 1, count)
+        return results
+
+    lock = Lock()
+    next_index = 0
+    finished = 0
+    stopped = False
+
+    def worker() -> None:
+        nonlocal next_index, finished
+        while not stopped:
+            with lock:
+                index = next_index
+                next_index += 1
+            if index >= count:
+                return
+            results[index] = task(index)
+            with lock:
+                finished += 1
+
+    pending = {_pool(threads).submit(worker) for _ in range(threads)}
+    try:
+        while pending:
+            done, pending = wait(pending, timeout=0.1, return_when=FIRST_EXCEPTION)
+            for future in done:
+                future.result()
+            if clock is not None:
+                clock.advance(finished, count)
+    finally:
+        stopped = True
+        wait(pending)
+    return results

@@ -1,0 +1,191 @@
+"""The geometry that casts and receives shadows: an arbitrary triangle soup."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from umbrae.errors import InputError, RecentredWarning
+from umbrae.material import Material
+
+_FAR_FROM_ZERO = 16.0
+"""Recentre when the largest coordinate exceeds this many times the extent: 4 of float32's 24 bits would be lost."""
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Scene:
+    """Triangles with materials. Nothing about manifoldness, winding or closedness is promised or needed.
+
+    Parameters
+    ----------
+    positions
+        `(v, 3)` vertex positions in world units; stored as float32. Coordinates given with more precision than
+        float32 and lying far from zero (a georeferenced model) are recentred in float64 first: `origin` holds what
+        was subtracted, `RecentredWarning` says so. Everything else (lights, cameras, points) is given in the
+        scene's coordinates; `local` converts to them.
+    triangles
+        `(t, 3)` vertex indices; stored as int32. May be empty.
+    materials
+        One or more `Material`; one neutral grey by default.
+    material_id
+        `(t,)` index into `materials` per triangle; 0 by default.
+    normals
+        `(v, 3)` smooth normals for shading; the facets' own by default. Zero rows fall back to the facet.
+    uv
+        `(v, 2)` texture coordinates, (0, 0) at the top left corner of the image as in glTF.
+    colors
+        `(v, 4)` linear vertex colours in [0, 1] that multiply the base colour.
+    object_id
+        `(t,)` object each triangle belongs to; 0 by default.
+    origin
+        `(3,)` float64 world position of the coordinate system's zero.
+
+    Raises
+    ------
+    InputError
+        For arrays of a wrong shape, coordinates that are not finite or exceed 1e18 (products of them must stay
+        finite in float64), or indices out of range.
+    """
+
+    positions: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    materials: tuple[Material, ...]
+    material_id: NDArray[np.int32]
+    normals: NDArray[np.float32] | None
+    uv: NDArray[np.float32] | None
+    colors: NDArray[np.float32] | None
+    object_id: NDArray[np.int32]
+    origin: NDArray[np.float64]
+
+    def __init__(
+        self,
+        positions: ArrayLike,
+        triangles: ArrayLike,
+        materials: Sequence[Material] = (),
+        material_id: ArrayLike | None = None,
+        normals: ArrayLike | None = None,
+        uv: ArrayLike | None = None,
+        object_id: ArrayLike | None = None,
+        colors: ArrayLike | None = None,
+        origin: ArrayLike | None = None,
+    ) -> None:
+        points = _rows(positions, 3, "positions")
+        indices = np.asarray(triangles)
+        if indices.size == 0:
+            indices = np.zeros((0, 3), np.int32)
+        if indices.ndim != 2 or indices.shape[1] != 3 or not np.issubdtype(indices.dtype, np.integer):
+            raise InputError(f"Scene.triangles: wanted (t, 3) integers, got {indices.shape} {indices.dtype}")
+        vertices, count = len(points), len(indices)
+        if count and (indices.min() < 0 or indices.max() >= vertices):
+            bad = int(np.flatnonzero(((indices < 0) | (indices >= vertices)).any(axis=1))[0])
+            raise InputError(
+                f"Scene.triangles: triangle {bad} has indices {indices[bad].tolist()}, wanted 0 to {vertices - 1}"
+            )
+        zero = np.zeros(3) if origin is None else np.asarray(origin, np.float64).reshape(3)
+        points, shift = _recentre(points)
+        if shift.any():
+            warnings.warn(
+                f"coordinates far from zero: moved by {(-shift).tolist()} (see Scene.origin); give lights, cameras "
+                "and points in the scene's coordinates, Scene.local converts",
+                RecentredWarning,
+                stacklevel=2,
+            )
+        palette = tuple(materials) or (Material(),)
+        ids = _per_triangle(material_id, count, "material_id")
+        if count and (ids.min() < 0 or ids.max() >= len(palette)):
+            raise InputError(
+                f"Scene.material_id: wanted 0 to {len(palette) - 1}, got {int(ids.min())} to {int(ids.max())}"
+            )
+        put = object.__setattr__
+        put(self, "positions", _frozen(points.astype(np.float32)))
+        put(self, "triangles", _frozen(indices.astype(np.int32)))
+        put(self, "materials", palette)
+        put(self, "material_id", _frozen(ids))
+        put(self, "normals", _per_vertex(normals, vertices, 3, "normals"))
+        put(self, "uv", _per_vertex(uv, vertices, 2, "uv"))
+        put(self, "colors", _per_vertex(colors, vertices, 4, "colors"))
+        put(self, "object_id", _frozen(_per_triangle(object_id, count, "object_id")))
+        put(self, "origin", _frozen(zero + shift))
+
+    @classmethod
+    def from_trimesh(cls, mesh: Any) -> "Scene":
+        """Make a scene of a `trimesh.Trimesh` or `trimesh.Scene`, with the materials trimesh knows."""
+        from umbrae.files import scene_from_trimesh
+
+        return scene_from_trimesh(mesh)
+
+    @property
+    def bounds(self) -> NDArray[np.float32]:
+        """`(2, 3)` lower and upper corner of the vertices that triangles use; zeros for an empty scene."""
+        if len(self.triangles) == 0:
+            return np.zeros((2, 3), np.float32)
+        used = np.zeros(len(self.positions), bool)
+        used[self.triangles.reshape(-1)] = True
+        points = self.positions[used]
+        return np.stack([points.min(axis=0), points.max(axis=0)])
+
+    def local(self, world: ArrayLike) -> NDArray[np.float64]:
+        """World coordinates `(..., 3)` in the scene's own coordinates: minus `origin`, in float64."""
+        return np.asarray(world, np.float64) - self.origin
+
+    def __repr__(self) -> str:
+        return f"Scene({len(self.triangles)} triangles, {len(self.positions)} vertices)"
+
+
+def _rows(values: ArrayLike, width: int, name: str) -> NDArray[Any]:
+    rows = np.asarray(values)
+    if rows.size == 0:
+        rows = np.zeros((0, width), np.float32)
+    if rows.ndim != 2 or rows.shape[1] != width or not np.issubdtype(rows.dtype, np.number):
+        raise InputError(f"Scene.{name}: wanted (n, {width}) numbers, got {rows.shape} {rows.dtype}")
+    if rows.dtype != np.float32:
+        rows = rows.astype(np.float64)
+    if not np.isfinite(rows).all():
+        bad = int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])
+        raise InputError(f"Scene.{name}: row {bad} is {rows[bad].tolist()}, wanted finite numbers")
+    if rows.size and np.abs(rows).max() > 1e18:
+        raise InputError(f"Scene.{name}: wanted magnitudes up to 1e18, got {float(np.abs(rows).max()):g}")
+    return rows
+
+
+def _recentre(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    """Points moved near zero where float32 would lose their digits, and by how much.
+
+    Only where digits would really be lost: float32 input, and float64 input that float32 holds exactly, stay put.
+    """
+    stay = np.zeros(3)
+    if points.dtype == np.float32 or len(points) == 0 or (points.astype(np.float32) == points).all():
+        return points, stay
+    low, high = points.min(axis=0), points.max(axis=0)
+    if np.abs(points).max() <= _FAR_FROM_ZERO * (high - low).max():
+        return points, stay
+    shift = np.round((low + high) / 2)
+    return points - shift, shift
+
+
+def _per_vertex(values: ArrayLike | None, count: int, width: int, name: str) -> NDArray[np.float32] | None:
+    if values is None:
+        return None
+    rows = _rows(values, width, name)
+    if len(rows) != count:
+        raise InputError(f"Scene.{name}: wanted {count} rows, one per vertex, got {len(rows)}")
+    return _frozen(rows.astype(np.float32))
+
+
+def _per_triangle(values: ArrayLike | None, count: int, name: str) -> NDArray[np.int32]:
+    if values is None:
+        return np.zeros(count, np.int32)
+    ids = np.asarray(values)
+    if ids.shape != (count,) or (count and not np.issubdtype(ids.dtype, np.integer)):
+        raise InputError(f"Scene.{name}: wanted ({count},) integers, got {ids.shape} {ids.dtype}")
+    return ids.astype(np.int32)
+
+
+def _frozen(array: NDArray[Any]) -> NDArray[Any]:
+    """A contiguous array that can no longer be written to, never the caller's own."""
+    own = np.array(array, order="C", copy=True)
+    own.flags.writeable = False
+    return own
