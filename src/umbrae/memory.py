@@ -11,7 +11,7 @@ _GIB = 1 << 30
 
 
 def available_bytes() -> int:
-    """Bytes this process can still allocate: free on the machine, or allowed by its control groups if less."""
+    """Bytes this process can still allocate: free on the machine and allowed by its control groups."""
     return max(0, min([_machine_bytes(), *_group_bytes()]))
 
 
@@ -66,7 +66,7 @@ def _group_bytes() -> Iterator[int]:
             limit, usage, pages = "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"
         else:
             continue
-        # In a container the path may be the host's and not exist here; the mount's root is then the group itself.
+        # In a container the path may be the host's and not exist here; the root is then the group itself.
         group = base / path.lstrip("/")
         while True:
             try:

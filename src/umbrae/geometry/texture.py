@@ -68,8 +68,8 @@ def fetch(
 ) -> tuple[float, float, float, float]:
     """Linear red, green, blue and alpha of texture `slot` at (u, v): bilinear, repeated outside [0, 1].
 
-    (0, 0) is the top left corner of the image. An empty slot gives four ones. The first three arguments are those
-    of `Textures`; the result is four float64.
+    (0, 0) is the top left corner of the image. An empty slot gives four ones. The first three arguments are
+    those of `Textures`; the result is four float64.
     """
     start = offset[slot]
     if start < 0:
