@@ -1,0 +1,80 @@
+"""Coordinates in which shadow frusta stand upright: the light's own normalized device coordinates.
+
+A *light frame* maps space to (x, y, q). Two samples on one ray from the light have the same x and y, and q grows
+towards the light, so a shadow frustum is a triangle in x and y, and below a plane in q. All four of its planes are
+linear there, just as they are in the camera's clip space.
+
+With the major axis c, the other two axes a, b and the sign g of the light's side:
+
+    point light, P' = P - l, in the pyramid where Z = g P'_c is the largest component:   x = P'_a / Z, q = 1 / Z
+    directional light with |l_c| largest:              x = P_a - (l_a / l_c) P_c,        q = g P_c
+
+A point light has up to six such frames, the faces of a cube around it; a directional light has one. Each is scaled
+and moved to a window: (x - x0) / hx and so on lie in [-1, 1] over the scene, so that float32 spends its digits there.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+POSITION_ERROR = 2.0**-23
+"""Samples' float32 positions against the exact points, relative to the largest coordinate (one rounding is 2**-24)."""
+
+
+class LightFrame(NamedTuple):
+    """One frame as plain numbers, for kernels.
+
+    `slope_a`, `slope_b` are l_a / l_c, l_b / l_c of a directional light, else 0; `x0 … hq` are the window.
+    """
+
+    axis_a: int
+    axis_b: int
+    axis_c: int
+    sign: float
+    slope_a: float
+    slope_b: float
+    x0: float
+    y0: float
+    q0: float
+    hx: float
+    hy: float
+    hq: float
+
+
+def light_frames(light: NDArray[np.float64], bounds: NDArray[np.float64]) -> list[LightFrame]:
+    """The frames of a light `(4,)` over a box `(2, 3)` that holds all samples: one, or six for a point light."""
+    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    if light[3] == 0.0:
+        c = int(np.argmax(np.abs(light[:3])))
+        a, b = (c + 1) % 3, (c + 2) % 3
+        slope_a, slope_b = float(light[a] / light[c]), float(light[b] / light[c])
+        sign = float(np.sign(light[c]))
+        x, y = corners[:, a] - slope_a * corners[:, c], corners[:, b] - slope_b * corners[:, c]
+        window = zip(*(_window(values) for values in (x, y, sign * corners[:, c])), strict=True)
+        return [LightFrame(a, b, c, sign, slope_a, slope_b, *next(window), *next(window))]
+    frames = []
+    relative = corners - light[:3]
+    for c in range(3):
+        for sign in (1.0, -1.0):
+            a, b = (c + 1) % 3, (c + 2) % 3
+            z = sign * relative[:, c]
+            x0 = y0 = q0 = 0.0
+            hx = hy = 1.0
+            hq = 1.0 / (float(np.abs(relative).max()) or 1.0)
+            if z.min() > 0.0:
+                x0, hx = _window(np.clip(relative[:, a] / z, -1.0, 1.0))
+                y0, hy = _window(np.clip(relative[:, b] / z, -1.0, 1.0))
+                hq = 1.0 / float(z.min())
+                # A shift would waste float32's digits where q spans orders of magnitude.
+                if z.max() < 4.0 * z.min():
+                    q0, hq = _window(1.0 / z)
+            frames.append(LightFrame(a, b, c, sign, 0.0, 0.0, x0, y0, q0, hx, hy, hq))
+    return frames
+
+
+def _window(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Centre and half-width of an interval, a little wider than needed and never empty."""
+    low, high = float(values.min()), float(values.max())
+    half = (high - low) / 2 + 1e-6 * max(abs(low), abs(high))
+    return (low + high) / 2, half or 1.0
