@@ -1,0 +1,94 @@
+"""Facet and smooth normals, and the terminator between them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae.geometry.vectors import Vec3, add, cross, dot, interpolate, row, scale, subtract, unit
+from umbrae.parallel import inline, kernel
+
+_SMOOTH_COSINE = 0.7
+"""A facet that turns more than 45 degrees away from a vertex normal is an edge there, not a rounding."""
+
+
+@inline
+def facet_normal(positions: NDArray[np.float32], triangle: NDArray[np.int32]) -> Vec3:
+    """Unit normal of a triangle by its winding; zero when it has no area."""
+    a = row(positions, triangle[0])
+    ab, ac = subtract(row(positions, triangle[1]), a), subtract(row(positions, triangle[2]), a)
+    normal: Vec3 = unit(cross(ab, ac))
+    return normal
+
+
+@inline
+def smooth_normal(
+    normals: NDArray[np.float32], triangle: NDArray[np.int32], v: float, w: float, facet: Vec3
+) -> tuple[Vec3, float]:
+    """Vertex normals interpolated at barycentrics `(1 - v - w, v, w)`, and their agreement with the facet's.
+
+    +1 when the vertex normals lie on its side, -1 on the other (some models wind their triangles against
+    their normals), 0 when one of them is missing: then there is no smooth normal.
+    """
+    a, b, c = row(normals, triangle[0]), row(normals, triangle[1]), row(normals, triangle[2])
+    normal = unit(interpolate(normals, triangle, v, w))
+    if not (dot(a, a) > 0.0 and dot(b, b) > 0.0 and dot(c, c) > 0.0 and dot(normal, normal) > 0.0):
+        return normal, 0.0
+    return normal, 1.0 if dot(add(a, add(b, c)), facet) >= 0.0 else -1.0
+
+
+@inline
+def towards_light(light: NDArray[np.float64], position: Vec3) -> Vec3:
+    """Unit vector from a position to a homogeneous light `(4,)`."""
+    direction: Vec3 = unit(subtract((light[0], light[1], light[2]), scale(light[3], position)))
+    return direction
+
+
+@kernel
+def terminator_fade(
+    positions: NDArray[np.float32],
+    triangles: NDArray[np.int32],
+    normals: NDArray[np.float32],
+    light: NDArray[np.float64],
+    fade: NDArray[np.float32],
+) -> None:
+    """Per vertex, the factor that ends smooth shading where the first facet around turns from the light.
+
+    Facets fall into shadow one by one while smooth normals still face the light, which leaves a jagged edge
+    of half-lit facets. Chiang, Li and Burley ("Taming the Shadow Terminator", 2019) fade by the ratio G of
+    the facet's cosine to the smooth one, as -G^3 + G^2 + G. Deviation: G is taken per vertex, from the
+    smallest cosine among the facets around it, and interpolated. So the fade is continuous across facets and
+    exactly 0 along the edges they share with facets that face away.
+
+    Parameters
+    ----------
+    light
+        `(4,)` homogeneous.
+    fade
+        `(v, 2)` written: for the side the vertex normal points to, and for the other.
+    """
+    fade[:, 0] = np.inf
+    fade[:, 1] = np.inf
+    for t in range(triangles.shape[0]):
+        facet = facet_normal(positions, triangles[t])
+        for k in range(3):
+            v = triangles[t, k]
+            agreement = dot(facet, unit(row(normals, v)))
+            if abs(agreement) < _SMOOTH_COSINE:
+                continue
+            facing = dot(facet, towards_light(light, row(positions, v)))
+            if agreement < 0.0:
+                facing = -facing
+            fade[v, 0] = min(fade[v, 0], facing)
+            fade[v, 1] = min(fade[v, 1], -facing)
+    for v in range(positions.shape[0]):
+        facing = dot(unit(row(normals, v)), towards_light(light, row(positions, v)))
+        fade[v, 0] = _eased(fade[v, 0], facing)
+        fade[v, 1] = _eased(fade[v, 1], -facing)
+
+
+@inline
+def _eased(facet: float, smooth: float) -> float:
+    """Chiang, Li and Burley's curve over the ratio of the facet's cosine to the smooth one."""
+    if facet <= 0.0 or smooth <= 0.0:
+        return 0.0
+    ratio = min(1.0, facet / smooth)
+    return ratio * (1.0 + ratio - ratio * ratio)

@@ -1,0 +1,101 @@
+"""The main job: a scene, seen by a camera, lit by lights, as a picture with exact shadows."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae.camera import Camera
+from umbrae.clock import Clock
+from umbrae.errors import InputError
+from umbrae.image import Image
+from umbrae.light import Light
+from umbrae.memory import require
+from umbrae.methods import Method, make_method
+from umbrae.sampling import sample
+from umbrae.scene import Scene
+from umbrae.shade import shade
+
+Vector = Sequence[float] | NDArray[np.floating]
+
+_SUN_AZIMUTH, _SUN_ELEVATION = 50.0, 40.0
+_SUN_COLOR = (1.0, 0.96, 0.89)
+
+
+def render(
+    scene: Scene,
+    camera: Camera | None = None,
+    lights: Light | Sequence[Light] | None = None,
+    method: str | Method = "frustum",
+    samples_per_pixel: int = 1,
+    up: Vector = (0.0, 1.0, 0.0),
+    clock: Clock | None = None,
+) -> Image:
+    """Make a picture with shadows: sample what the camera sees, decide the shadows, shade.
+
+    Parameters
+    ----------
+    camera
+        `Camera.frame(scene)` by default: the whole scene from a raised corner.
+    lights
+        One light or several; by default a sun that shines over the camera's shoulder.
+    method
+        A name from `METHODS`, or a `Method` with its options set.
+    samples_per_pixel
+        More than one smooths edges.
+    up
+        World up, for the default camera and sun and for the sky.
+    clock
+        Hears how long "sample", "prepare", "shadow" (once per light) and "shade" take.
+
+    Raises
+    ------
+    InputError
+        For no lights, or an up vector of zero.
+    OptionError
+        For an unknown method, or samples per pixel that are not a whole number from 1.
+    CapacityError
+        When the picture would not fit into memory.
+    """
+    clock = clock or Clock()
+    if camera is None:
+        camera = Camera.frame(scene, up=up)
+    shining = _lights(lights, camera, up)
+    algorithm = make_method(method)
+    with clock.span("sample"):
+        samples = sample(scene, camera, samples_per_pixel, clock)
+    # Each mask is there twice while shading, and the picture has three bytes per pixel.
+    require(
+        samples.size * 2 * len(shining) + camera.width * camera.height * 3,
+        f"a picture of {camera.width} x {camera.height} pixels with {len(shining)} lights",
+    )
+    with clock.span("prepare"):
+        caster = algorithm.prepare(scene, clock)
+    masks = []
+    for light in shining:
+        with clock.span("shadow"):
+            masks.append(caster.shadow(light, samples, clock))
+    with clock.span("shade"):
+        pixels = shade(scene, camera, shining, samples, masks, up, clock)
+    return Image(pixels, samples, tuple(masks))
+
+
+def default_sun(camera: Camera, up: Vector = (0.0, 1.0, 0.0)) -> Light:
+    """A warm sun behind the camera's left shoulder: shadows fall to the right and away from the eye."""
+    _right, upward, forward = camera.axes
+    # Looking straight down, what is up in the picture lies ahead.
+    steep = abs(float(forward @ np.asarray(up, np.float64))) > 0.99 * float(np.linalg.norm(up))
+    behind = -upward if steep else -forward
+    return Light.sun(_SUN_AZIMUTH, _SUN_ELEVATION, up=up, north=behind, color=_SUN_COLOR)
+
+
+def _lights(lights: Light | Sequence[Light] | None, camera: Camera, up: Vector) -> tuple[Light, ...]:
+    if lights is None:
+        return (default_sun(camera, up),)
+    shining = tuple(lights) if isinstance(lights, Sequence) else (lights,)
+    if not shining:
+        raise InputError("lights: wanted at least one light, got none")
+    for light in shining:
+        if not isinstance(light, Light):
+            raise InputError(f"lights: wanted Light objects, got {type(light).__name__}")
+    return shining
