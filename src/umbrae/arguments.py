@@ -1,0 +1,102 @@
+"""What the command line's texts mean: vectors, sizes and suns, and the cameras and lights made of them."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+import typer
+
+from umbrae.camera import Camera
+from umbrae.light import Light
+from umbrae.render import default_sun
+from umbrae.scene import Scene
+
+Number = TypeVar("Number", int, float)
+
+
+class Vector(NamedTuple):
+    """`x,y,z`."""
+
+    x: float
+    y: float
+    z: float
+
+
+class Size(NamedTuple):
+    """`WIDTHxHEIGHT` of a picture, or the two counts of a grid."""
+
+    width: int
+    height: int
+
+
+class Sun(NamedTuple):
+    """`azimuth,elevation` in degrees."""
+
+    azimuth: float
+    elevation: float
+
+
+def vector(text: str) -> Vector:
+    """Three finite numbers `x,y,z`."""
+    return Vector(*_numbers(text, ",", "three numbers x,y,z", 3, float))
+
+
+def size(text: str) -> Size:
+    """Two whole numbers `AxB`, both at least 1."""
+    numbers = _numbers(text, "x", "two whole numbers such as 1920x1080", 2, int)
+    if min(numbers) < 1:
+        raise typer.BadParameter(f"wanted two whole numbers of at least 1, got {text!r}")
+    return Size(*numbers)
+
+
+def sun(text: str) -> Sun:
+    """Two finite numbers `azimuth,elevation`."""
+    return Sun(*_numbers(text, ",", "two numbers azimuth,elevation in degrees", 2, float))
+
+
+def up_vector(text: str) -> Vector:
+    """World up: `y`, `z`, or `x,y,z` that is not zero."""
+    axes = {"y": Vector(0.0, 1.0, 0.0), "z": Vector(0.0, 0.0, 1.0)}
+    up = axes.get(text) or Vector(*_numbers(text, ",", "y, z or three numbers x,y,z", 3, float))
+    if not any(up):
+        raise typer.BadParameter(f"wanted a vector that is not zero, got {text!r}")
+    return up
+
+
+def camera(
+    scene: Scene, size: Size, eye: Vector | None, target: Vector | None, up: Vector, fov: float
+) -> Camera:
+    """A camera at `eye` that looks at `target`, both in the file's own coordinates.
+
+    Without both it frames the scene by itself. With a target alone it keeps that direction and distance. With an
+    eye alone it looks at the centre of the bounds.
+    """
+    framed = Camera.frame(scene, up, fov, *size)
+    if eye is None and target is None:
+        return framed
+    center = scene.bounds.astype(np.float64).mean(axis=0)
+    look_at = center if target is None else scene.local(target)
+    stand = look_at + framed.eye - center if eye is None else scene.local(eye)
+    return Camera.look_at(stand, look_at, up, fov, *size)
+
+
+def lights(
+    scene: Scene, view: Camera, points: Sequence[Vector], suns: Sequence[Sun], up: Vector
+) -> list[Light]:
+    """Point lights in the file's own coordinates, then suns; without any, the default sun."""
+    made = [Light.point(scene.local(point)) for point in points]
+    made += [Light.sun(azimuth, elevation, up) for azimuth, elevation in suns]
+    return made or [default_sun(view, up)]
+
+
+def _numbers(
+    text: str, separator: str, wanted: str, count: int, number: Callable[[str], Number]
+) -> list[Number]:
+    try:
+        values = [number(part) for part in text.split(separator)]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(math.isfinite(value) for value in values):
+        raise typer.BadParameter(f"wanted {wanted}, got {text!r}")
+    return values

@@ -1,0 +1,340 @@
+"""The command line: arguments in, the library called, results out.
+
+Results (paths, tables, one JSON object with `--json`) go to stdout; stages, progress, notes, errors to stderr.
+Exit status: 0 done; 1 `verify` found a wrong sample; 2 bad input or too little memory; 70 a bug in Umbrae;
+130 interrupted.
+"""
+
+import dataclasses
+import json
+import os
+import sys
+import time
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+import umbrae as um
+from umbrae import arguments, files, info, models, outputs
+from umbrae.arguments import Size, Sun, Vector
+from umbrae.clock import Clock
+from umbrae.console import ConsoleClock
+from umbrae.errors import RecentredWarning, UmbraeError
+from umbrae.methods import make_method
+
+app = typer.Typer(
+    help="Exact shadows of arbitrary triangle soups.",
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+scenes = typer.Typer(rich_markup_mode=None)
+app.add_typer(scenes, name="scene", help="Write one of the scenes that Umbrae makes itself.")
+
+Model = Annotated[Path, typer.Argument(help="glTF, GLB, OBJ, PLY or STL file.", metavar="MODEL")]
+Output = Annotated[Path, typer.Option("-o", "--output", help="File to write.", metavar="FILE")]
+SizeOption = Annotated[Size, typer.Option("--size", parser=arguments.size, metavar="WxH", help="Pixels.")]
+Eye = Annotated[
+    Vector | None,
+    typer.Option(
+        "--eye", parser=arguments.vector, metavar="X,Y,Z", help="Where the camera stands; automatic."
+    ),
+]
+Target = Annotated[
+    Vector | None,
+    typer.Option("--target", parser=arguments.vector, metavar="X,Y,Z", help="What it looks at; the centre."),
+]
+Up = Annotated[
+    Vector, typer.Option("--up", parser=arguments.up_vector, metavar="y|z|X,Y,Z", help="World up.")
+]
+Fov = Annotated[float, typer.Option("--fov", metavar="DEGREES", help="Vertical field of view.")]
+Points = Annotated[
+    list[Vector],
+    typer.Option("--light", parser=arguments.vector, metavar="X,Y,Z", help="Point light; repeatable."),
+]
+Suns = Annotated[
+    list[Sun],
+    typer.Option(
+        "--sun",
+        parser=arguments.sun,
+        metavar="AZIMUTH,ELEVATION",
+        help="Sun in degrees: clockwise from north (-z, or +y when z is up), above the horizon; repeatable.",
+    ),
+]
+MethodName = Annotated[str, typer.Option("--method", metavar="NAME", help="See `umbrae methods`.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No stages, no progress.")]
+
+DEFAULT_SIZE: Any = "1920x1080"  # typer runs defaults through the parser
+DEFAULT_UP: Any = "y"
+DEFAULT_GRID: Any = "10x10"
+
+
+@app.callback(invoke_without_command=True)
+def umbrae(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    """Exact shadows of arbitrary triangle soups."""
+    if version:
+        print(f"umbrae {um.__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def render(
+    model: Model,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Picture; MODEL's name with .png here."),
+    ] = None,
+    size: SizeOption = DEFAULT_SIZE,
+    eye: Eye = None,
+    target: Target = None,
+    up: Up = DEFAULT_UP,
+    fov: Fov = 50.0,
+    light: Points = [],  # noqa: B006
+    sun: Suns = [],  # noqa: B006
+    method: MethodName = "frustum",
+    mask: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Shadow mask: white lit, black dark; several lights: MASK_1, MASK_2, ..."
+        ),
+    ] = None,
+    npz: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Samples and masks as numpy arrays.")
+    ] = None,
+    samples_per_pixel: Annotated[int, typer.Option(min=1, metavar="N", help="For smooth edges.")] = 1,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Render MODEL with exact shadows."""
+    clock = _clock(as_json or quiet)
+    algorithm = make_method(method)
+    picture = output or Path(f"{model.stem}.png")
+    mask_paths = outputs.mask_paths(mask, max(1, len(light) + len(sun)))
+    outputs.check(model, [picture, *mask_paths], npz)
+
+    scene = _load(model, clock)
+    camera = arguments.camera(scene, size, eye, target, up, fov)
+    lights = arguments.lights(scene, camera, light, sun, up)
+    _compile_kernels(algorithm, samples_per_pixel, clock)
+    image = um.render(
+        scene, camera, lights, method=algorithm, samples_per_pixel=samples_per_pixel, up=up, clock=clock
+    )
+    samples = image.samples
+    assert samples is not None
+    with clock.span("write"):
+        image.save(picture)
+        for path, one in zip(mask_paths, image.masks, strict=bool(mask_paths)):
+            files.save_image(path, outputs.mask_pixels(one))
+        if npz:
+            files.save_arrays(npz, **outputs.arrays(scene, lights, image))
+
+    if not as_json:
+        for path in (picture, *mask_paths, *([npz] if npz else [])):
+            print(path)
+        return
+    _print_json(
+        model=str(model),
+        triangles=len(scene.triangles),
+        size=list(size),
+        samples=samples.size,
+        covered=int(samples.covered.sum()),
+        method=algorithm.name,
+        options=algorithm.options(),
+        guarantee=algorithm.guarantee,
+        lights=[
+            {
+                "position": one.position.tolist(),
+                "in_shadow": int(shadow_mask.in_shadow.sum()),
+                "stats": {name: int(value) for name, value in shadow_mask.stats.items()},
+            }
+            for one, shadow_mask in zip(lights, image.masks, strict=True)
+        ],
+        seconds=clock.seconds(),
+        picture=str(picture),
+        masks=[str(path) for path in mask_paths],
+        npz=str(npz) if npz else None,
+    )
+
+
+@app.command("info")
+def info_command(model: Model, as_json: Json = False) -> None:
+    """Say what MODEL consists of."""
+    clock = _clock(as_json)
+    scene = _load(model, clock)
+    with clock.span("count"):
+        facts = info.describe(scene)
+    if as_json:
+        _print_json(model=str(model), **facts.as_dict())
+    else:
+        Console(highlight=False).print(info.table(facts))
+
+
+@app.command()
+def verify(
+    model: Model,
+    method: MethodName = "frustum",
+    count: Annotated[int, typer.Option(min=1, metavar="N", help="Samples to check.")] = 20_000,
+    size: SizeOption = DEFAULT_SIZE,
+    eye: Eye = None,
+    target: Target = None,
+    up: Up = DEFAULT_UP,
+    fov: Fov = 50.0,
+    light: Points = [],  # noqa: B006
+    sun: Suns = [],  # noqa: B006
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of the random choice of samples.")] = 0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compare random samples of a picture with the oracle; exit status 1 if one is wrong outside the band."""
+    clock = _clock(as_json or quiet)
+    algorithm = make_method(method)
+    scene = _load(model, clock)
+    camera = arguments.camera(scene, size, eye, target, up, fov)
+    lights = arguments.lights(scene, camera, light, sun, up)
+    _compile_kernels(algorithm, 1, clock)
+    with clock.span("sample"):
+        samples = um.sample(scene, camera, clock=clock)
+    verdicts = []
+    for one in lights:
+        shadow_mask = um.shadow(scene, one, samples, method=algorithm, clock=clock)
+        with clock.span("verify"):
+            verdicts.append(um.verify(scene, one, samples, shadow_mask, count=count, seed=seed, clock=clock))
+    if as_json:
+        results = [
+            {
+                "position": one.position.tolist(),
+                "checked": verdict.checked,
+                "mismatches": verdict.mismatches,
+                "outside_band": verdict.outside_band,
+                "inside_band": verdict.inside_band,
+                "worst_margin": verdict.worst_margin,
+            }
+            for one, verdict in zip(lights, verdicts, strict=True)
+        ]
+        _print_json(
+            model=str(model), method=algorithm.name, seed=seed, lights=results, seconds=clock.seconds()
+        )
+    else:
+        for one, verdict in zip(lights, verdicts, strict=True):
+            where = ", ".join(f"{number:.6g}" for number in one.position[:3])
+            kind = "sun towards" if one.is_directional else "light at"
+            print(
+                f"{kind} ({where}): {verdict.checked:,} samples, {verdict.outside_band:,} wrong outside the "
+                f"band, {verdict.inside_band:,} inside, worst margin {verdict.worst_margin:.3g}"
+            )
+    if not all(verdict.ok for verdict in verdicts):
+        raise typer.Exit(1)
+
+
+@app.command()
+def methods() -> None:
+    """List the shadow algorithms."""
+    rows = Table("name", "paper", "guarantee", "options", box=None, pad_edge=False)
+    for name, method in um.METHODS.items():
+        options = ", ".join(f"{field.name}={field.default}" for field in dataclasses.fields(method)) or "none"
+        rows.add_row(name, method.paper, method.guarantee, options)
+    Console(highlight=False).print(rows)
+
+
+@scenes.command("spheres")
+def write_spheres(
+    output: Output = Path("spheres.glb"),
+    grid: Annotated[
+        Size, typer.Option(parser=arguments.size, metavar="AxB", help="Number of spheres.")
+    ] = DEFAULT_GRID,
+    triangles: Annotated[int, typer.Option(metavar="N", help="In all, about.")] = 100_000,
+) -> None:
+    """Spheres over a ground plane, after Milet et al."""
+    files.check_writable(output, files.MODELS)
+    um.save(models.spheres(grid=(grid.width, grid.height), triangles=triangles), output)
+    print(output)
+
+
+@scenes.command("pavilion")
+def write_pavilion(output: Output = Path("pavilion.glb")) -> None:
+    """A small piece of architecture with a tree and coloured glass."""
+    files.check_writable(output, files.MODELS)
+    um.save(models.pavilion(), output)
+    print(output)
+
+
+def main() -> NoReturn:
+    """Entry point of the `umbrae` command."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(texts: Sequence[str]) -> int:
+    """Carry out one command line; returns the exit status, whatever happens."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            warnings.simplefilter("always", UserWarning)
+            warnings.showwarning = _show_warning
+            status = app(list(texts) or ["--help"], standalone_mode=False, prog_name="umbrae")
+    except UmbraeError as error:
+        return _fail(str(error), 2)
+    except typer.TyperException as error:
+        return _fail(error.format_message(), 2)
+    except (KeyboardInterrupt, typer.Abort):
+        status = 130
+    except Exception as error:
+        if os.environ.get("UMBRAE_DEBUG"):
+            raise
+        return _fail(f"{type(error).__name__}: {error} (a bug; UMBRAE_DEBUG=1 shows the traceback)", 70)
+    if status == 130:
+        return _fail("interrupted", 130)
+    return int(status or 0)
+
+
+def _clock(silent: bool) -> Clock:
+    return Clock() if silent else ConsoleClock()
+
+
+def _load(model: Path, clock: Clock) -> um.Scene:
+    scene = um.load(model, clock)
+    used = {scene.materials[index] for index in set(scene.material_id.tolist())}
+    soft = sum(not material.casts_solid for material in used)
+    if soft:
+        _note(f"{soft} alpha-masked or transparent material{'s' * (soft > 1)}: casting solid shadows for now")
+    return scene
+
+
+def _compile_kernels(method: um.Method, samples_per_pixel: int, clock: Clock) -> None:
+    """Run everything once on next to nothing, so that compilation is a stage of its own."""
+    start = time.perf_counter()
+    with clock.span("compile kernels"):
+        corners = [(-1, 0, 1), (1, 0, 1), (0, 0, -1), (-1, 1, 1), (1, 1, 1), (0, 1, -1)]
+        tiny = um.Scene(corners, [(0, 1, 2), (3, 4, 5)])
+        camera = um.Camera.frame(tiny, width=16, height=16)
+        um.render(tiny, camera, [um.Light.sun(120, 60)], method=method, samples_per_pixel=samples_per_pixel)
+    if time.perf_counter() - start > 3.0:
+        _note("first run: kernels compiled and cached; later starts are quick")
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    if issubclass(category, RecentredWarning):
+        message = "coordinates far from zero: recentred inside; options stay in the file's own coordinates"
+    _note(str(message))
+
+
+def _note(text: str) -> None:
+    print(f"umbrae: note: {_one_line(text)}", file=sys.stderr)
+
+
+def _fail(text: str, status: int) -> int:
+    print(f"umbrae: error: {_one_line(text)}", file=sys.stderr)
+    return status
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _print_json(**values: Any) -> None:
+    print(json.dumps(values))

@@ -1,0 +1,65 @@
+"""The files a rendering leaves behind, and the checks before the work starts."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae import files
+from umbrae.errors import OutputError
+from umbrae.image import Image
+from umbrae.light import Light
+from umbrae.mask import ShadowMask
+from umbrae.scene import Scene
+
+
+def check(model: Path, pictures: Sequence[Path], npz: Path | None) -> None:
+    """Raise `OutputError` unless every path can be written, and none is the model or given twice."""
+    taken = {model.resolve(): "the model"}
+    for path in [*pictures, *([npz] if npz else [])]:
+        files.check_writable(path, (".npz",) if path is npz else files.IMAGES)
+        if path.resolve() in taken:
+            raise OutputError(f"{path}: would overwrite {taken[path.resolve()]}")
+        taken[path.resolve()] = "another output"
+
+
+def mask_paths(mask: Path | None, count: int) -> list[Path]:
+    """One path per light: `mask` itself for one, `mask_1.png`, `mask_2.png`, ... for several."""
+    if mask is None:
+        return []
+    if count == 1:
+        return [mask]
+    return [mask.with_stem(f"{mask.stem}_{number}") for number in range(1, count + 1)]
+
+
+def mask_pixels(mask: ShadowMask) -> NDArray[np.uint8]:
+    """`(h, w) uint8`: 255 lit, 0 in shadow, the mean over the samples of a pixel."""
+    height, width = mask.in_shadow.shape[:2]
+    dark = mask.in_shadow.reshape(height, width, -1).mean(axis=2)
+    pixels: NDArray[np.uint8] = np.round(255 * (1 - dark)).astype(np.uint8)
+    return pixels
+
+
+def arrays(scene: Scene, lights: Sequence[Light], image: Image) -> dict[str, NDArray[Any]]:
+    """Samples, masks, lights and camera by name, all in the scene's coordinates: minus `origin`.
+
+    `in_shadow` has the samples' shape for one light, and the lights as its first axis for several.
+    """
+    samples = image.samples
+    assert samples is not None and samples.depth is not None and samples.camera is not None
+    in_shadow = np.stack([mask.in_shadow for mask in image.masks])
+    return {
+        "triangle": samples.triangle,
+        "barycentric": samples.barycentric,
+        "side": samples.side,
+        "position": samples.position,
+        "covered": samples.covered,
+        "depth": samples.depth,
+        "in_shadow": in_shadow[0] if len(in_shadow) == 1 else in_shadow,
+        "lights": np.stack([light.position for light in lights]),
+        "eye": samples.camera.eye,
+        "axes": samples.camera.axes,
+        "origin": scene.origin,
+    }
