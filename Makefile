@@ -1,0 +1,40 @@
+# make demo    a picture with exact shadows, from nothing      make test    all tests
+# make check   formatting, lint, types and tests               make clean   remove what the others made
+PYTHON ?= python3
+# The view and the sun of models.pavilion_camera() and pavilion_light().
+PAVILION = --eye 9.5,7.6,22 --target -0.2,1.2,0 --fov 36 --sun 248,31 --samples-per-pixel 4
+
+.PHONY: demo test check clean
+
+demo: .venv/.installed
+	@mkdir -p out
+	.venv/bin/umbrae scene pavilion -o out/pavilion.glb
+	.venv/bin/umbrae render out/pavilion.glb -o out/pavilion.png --mask out/pavilion_mask.png $(PAVILION)
+
+test: .venv/.installed-dev
+	.venv/bin/pytest -q
+
+check: .venv/.installed-dev
+	.venv/bin/ruff format --check
+	.venv/bin/ruff check
+	.venv/bin/mypy
+	.venv/bin/pytest -q
+
+clean:
+	rm -rf .venv out dist build tests/failures .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find src tests examples -name __pycache__ -type d -prune -exec rm -rf {} +
+
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	    { echo 'Umbrae needs Python 3.11 or newer; choose one with: make PYTHON=/path/to/python3.11' >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' || \
+	    { echo 'Umbrae needs the venv module; on Debian: apt install python3-venv' >&2; exit 1; }
+	$(PYTHON) -m venv .venv
+
+.venv/.installed: pyproject.toml | .venv/bin/python
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check -e .
+	touch $@
+
+.venv/.installed-dev: pyproject.toml | .venv/bin/python
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	touch $@ .venv/.installed
