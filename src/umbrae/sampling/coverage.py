@@ -100,9 +100,8 @@ def edge_sign(p: Vertex, q: Vertex, pixel: Vertex) -> int:
 @inline
 def covers(p: Vertex, q: Vertex, r: Vertex, s: int, pixel: Vertex) -> bool:
     """Whether the triangle of orientation `s` covers the pixel, in exact arithmetic."""
-    return (
-        s * edge_sign(p, q, pixel) > 0 and s * edge_sign(q, r, pixel) > 0 and s * edge_sign(r, p, pixel) > 0
-    )
+    least: int = min(s * edge_sign(p, q, pixel), s * edge_sign(q, r, pixel), s * edge_sign(r, p, pixel))
+    return least > 0
 
 
 @inline
