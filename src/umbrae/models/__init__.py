@@ -1,0 +1,6 @@
+"""Scenes that Umbrae makes itself: for the demo, the tests, the examples and the benchmarks."""
+
+from umbrae.models.pavilion_scene import pavilion, pavilion_camera, pavilion_light
+from umbrae.models.sphere_scene import sphere, spheres, spheres_light
+
+__all__ = ["pavilion", "pavilion_camera", "pavilion_light", "sphere", "spheres", "spheres_light"]
