@@ -102,15 +102,21 @@ class Camera:
         other = np.cross(up_axis, side)
         toward = 0.55 * side + 0.75 * other + 0.45 * up_axis
         toward = toward / np.linalg.norm(toward)
-        camera = cls.look_at(center + toward * radius * 4.0, center, up_axis, fov_y, width, height)
-        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-        right, upward, depth = camera.axes @ (corners - center).T
+        axes = cls.look_at(center + toward * radius, center, up_axis, fov_y, width, height).axes
+        used = np.unique(scene.triangles)
+        points = scene.positions[used] - center if len(used) else np.zeros((1, 3))
+        right, upward, depth = axes @ points.T
         tan_y = math.tan(math.radians(fov_y) / 2)
         tan_x = tan_y * width / height
-        # A corner at (right, upward, depth) of the centre is inside the picture when |right| <= tan_x (d + depth).
-        needed = np.maximum(np.abs(right) / tan_x, np.abs(upward) / tan_y) - depth
-        distance = max(1.06 * float(needed.max()), 1e-3 * radius)
-        return cls.look_at(center + toward * distance, center, up_axis, fov_y, width, height, near=1e-3 * distance)
+        # Inside the picture: |right - x| <= tan_x (depth + distance), and the same upwards, for an eye shifted by
+        # (x, y). The smallest distance with any such shift lets two opposite sides of the picture touch the scene.
+        spread_x = (right - tan_x * depth).max() + (-right - tan_x * depth).max()
+        spread_y = (upward - tan_y * depth).max() + (-upward - tan_y * depth).max()
+        distance = max(1.06 * float(max(spread_x / tan_x, spread_y / tan_y)) / 2, 1e-3 * radius)
+        x, y = _middle(right, depth + distance), _middle(upward, depth + distance)
+        target = center + x * axes[0] + y * axes[1]
+        eye = target + toward * distance
+        return cls.look_at(eye, target, up_axis, fov_y, width, height, near=1e-3 * distance)
 
     @property
     def world_to_clip(self) -> NDArray[np.float64]:
@@ -121,6 +127,20 @@ class Camera:
         tan_y = math.tan(math.radians(self.fov_y) / 2)
         rows = self.axes * np.array([[self.height / (tan_y * self.width)], [1.0 / tan_y], [1.0]])
         return np.concatenate([rows, -(rows @ self.eye)[:, None]], axis=1)
+
+
+def _middle(offset: NDArray[np.float64], depth: NDArray[np.float64]) -> float:
+    """The shift that brings points at sideways `offset` and `depth` into the middle of the picture.
+
+    It balances the outermost points on both sides; which ones those are depends on the shift, so a few rounds.
+    """
+    shift = 0.0
+    for _ in range(4):
+        seen = (offset - shift) / depth
+        low, high = int(np.argmin(seen)), int(np.argmax(seen))
+        weight_low, weight_high = 1.0 / depth[low], 1.0 / depth[high]
+        shift = float((offset[low] * weight_low + offset[high] * weight_high) / (weight_low + weight_high))
+    return shift
 
 
 def _three(values: Vector, name: str) -> NDArray[np.float64]:

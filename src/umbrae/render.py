@@ -18,7 +18,7 @@ from umbrae.shade import shade
 
 Vector = Sequence[float] | NDArray[np.floating]
 
-_SUN_AZIMUTH, _SUN_ELEVATION = 50.0, 40.0
+_SUN_AZIMUTH, _SUN_ELEVATION = 55.0, 40.0
 _SUN_COLOR = (1.0, 0.96, 0.89)
 
 

@@ -13,7 +13,7 @@ from umbrae.clock import Clock
 from umbrae.errors import InputError
 from umbrae.geometry.diffuse import Lighting, Surface, View, shade_rows
 from umbrae.geometry.mipmap import mip_levels
-from umbrae.geometry.normals import terminator_fade
+from umbrae.geometry.normals import first_alike, terminator_fade
 from umbrae.geometry.texture import pack
 from umbrae.light import Light
 from umbrae.mask import ShadowMask
@@ -64,7 +64,7 @@ def shade(
     per_pixel = samples.size // (height * width)
     view = _view(camera, samples, per_pixel, up)
     surface = _surface(scene)
-    lighting = _lighting(scene, lights, masks, view.triangle.shape)
+    lighting = _lighting(surface, lights, masks, view.triangle.shape)
     pixels = np.empty((height, width, 3), np.uint8)
 
     def band(index: int) -> None:
@@ -117,6 +117,7 @@ def _prepare_surface(scene: Scene) -> Surface:
     def rows(values: NDArray[np.float32] | None, width: int) -> NDArray[np.float32]:
         return _read_only(np.zeros((0, width), np.float32)) if values is None else values
 
+    normals = rows(scene.normals, 3)
     # Materials often share a texture: its levels are made once, and `pack` stores one array once.
     wanted = {}
     for material in scene.materials:
@@ -134,7 +135,8 @@ def _prepare_surface(scene: Scene) -> Surface:
     return Surface(
         scene.positions,
         scene.triangles,
-        rows(scene.normals, 3),
+        normals,
+        first_alike(scene.positions, normals) if len(normals) else np.zeros(0, np.int32),
         rows(scene.colors, 4),
         rows(scene.uv, 2),
         _read_only(scene.material_id),
@@ -186,7 +188,7 @@ def _view(
 
 
 def _lighting(
-    scene: Scene, lights: tuple[Light, ...], masks: tuple[ShadowMask, ...], shape: tuple[int, ...]
+    surface: Surface, lights: tuple[Light, ...], masks: tuple[ShadowMask, ...], shape: tuple[int, ...]
 ) -> Lighting:
     position = np.array([light.position for light in lights], np.float64).reshape(-1, 4)
     radiance = np.array([light.color for light in lights], np.float64).reshape(-1, 3)
@@ -197,14 +199,7 @@ def _lighting(
     in_shadow = np.zeros((len(lights), *shape), bool)
     for index, mask in enumerate(masks):
         in_shadow[index] = mask.in_shadow.reshape(shape)
-    if scene.normals is None:
-        fade = np.zeros((len(lights), 0, 2), np.float32)
-    else:
-        fade = np.empty((len(lights), len(scene.positions), 2), np.float32)
-        run(
-            lambda index: terminator_fade(
-                scene.positions, scene.triangles, scene.normals, position[index], fade[index]
-            ),
-            len(lights),
-        )
+    fade = np.empty((len(lights), len(surface.normals), 2), np.float32)
+    if len(surface.normals):
+        run(lambda index: terminator_fade(*surface[:4], position[index], fade[index]), len(lights))
     return Lighting(position, radiance * exposure, in_shadow, fade)

@@ -16,17 +16,19 @@ from umbrae.geometry.normals import facet_normal, smooth_normal, towards_light
 from umbrae.geometry.vectors import Vec3, add, cross, dot, interpolate, mix, row, scale, subtract, times, unit
 from umbrae.parallel import inline, kernel
 
-SKY_LIGHT = (0.27, 0.32, 0.41)
+DIRECT = 0.88
+"""What a surface receives that squarely faces a white light of intensity 1."""
+SKY_LIGHT = (0.23, 0.27, 0.34)
 """What a surface receives that faces straight up, linear RGB."""
-GROUND_LIGHT = (0.23, 0.20, 0.17)
+GROUND_LIGHT = (0.20, 0.175, 0.15)
 """What a surface receives that faces straight down: the sun's bounce off the ground."""
 FACING_FILL = 0.25
 """Share of the ambient light that depends on how squarely a surface faces the eye: dark walls differ."""
-HORIZON = (0.74, 0.82, 0.90)
-ZENITH = (0.22, 0.42, 0.72)
-GROUND = (0.30, 0.29, 0.28)
+HORIZON = (0.66, 0.76, 0.86)
+ZENITH = (0.16, 0.36, 0.68)
+GROUND = (0.235, 0.235, 0.24)
 """Background, linear RGB: the sky at the horizon and overhead, and the ground under the eye."""
-SHOULDER = 0.6
+SHOULDER = 0.65
 """Linear value above which highlights are compressed towards 1."""
 
 
@@ -36,6 +38,8 @@ class Surface(NamedTuple):
     positions: NDArray[np.float32]
     triangles: NDArray[np.int32]
     normals: NDArray[np.float32]
+    first: NDArray[np.int32]
+    """`first_alike` of the vertices."""
     colors: NDArray[np.float32]
     uv: NDArray[np.float32]
     material_id: NDArray[np.int32]
@@ -117,9 +121,9 @@ def _background(view: View, y: int, x: int) -> Vec3:
     height = dot(direction, row(view.pinhole, 5))
     color: Vec3
     if height >= 0.0:
-        color = mix(HORIZON, ZENITH, math.sqrt(height))
+        color = mix(HORIZON, ZENITH, 1.0 - math.exp(-3.0 * height))
     else:
-        color = mix(HORIZON, GROUND, math.sqrt(min(1.0, -4.0 * height)))
+        color = mix(HORIZON, GROUND, 1.0 - math.exp(12.0 * height))
     return color
 
 
@@ -156,7 +160,7 @@ def _surface_light(surface: Surface, view: View, lighting: Lighting, y: int, x: 
             a, b, c = triangle[0], triangle[1], triangle[2]
             fade = lighting.fade[k]
             share *= (1.0 - v - w) * fade[a, back] + v * fade[b, back] + w * fade[c, back]
-        light = add(light, scale(share, row(lighting.radiance, k)))
+        light = add(light, scale(DIRECT * share, row(lighting.radiance, k)))
 
     m = surface.material_id[t]
     light = times(light, row(surface.base_color, m))

@@ -43,10 +43,44 @@ def towards_light(light: NDArray[np.float64], position: Vec3) -> Vec3:
 
 
 @kernel
+def first_alike(positions: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.int32]:
+    """Per vertex, the first one with the same position and normal: files repeat vertices along texture seams.
+
+    A hash table with open addressing, at most half full.
+    """
+    count = positions.shape[0]
+    size = 2
+    while size < 2 * count:
+        size *= 2
+    table = np.full(size, -1, np.int32)
+    first = np.empty(count, np.int32)
+    for v in range(count):
+        key = 0
+        for axis in range(3):
+            key = (key * 31 + hash(positions[v, axis])) * 31 + hash(normals[v, axis])
+        slot = (key ^ (key >> 29) ^ (key >> 47)) & (size - 1)
+        while table[slot] >= 0 and not _alike(positions, normals, v, table[slot]):
+            slot = (slot + 1) & (size - 1)
+        if table[slot] < 0:
+            table[slot] = v
+        first[v] = table[slot]
+    return first
+
+
+@inline
+def _alike(positions: NDArray[np.float32], normals: NDArray[np.float32], a: int, b: int) -> bool:
+    for axis in range(3):
+        if positions[a, axis] != positions[b, axis] or normals[a, axis] != normals[b, axis]:
+            return False
+    return True
+
+
+@kernel
 def terminator_fade(
     positions: NDArray[np.float32],
     triangles: NDArray[np.int32],
     normals: NDArray[np.float32],
+    first: NDArray[np.int32],
     light: NDArray[np.float64],
     fade: NDArray[np.float32],
 ) -> None:
@@ -60,6 +94,8 @@ def terminator_fade(
 
     Parameters
     ----------
+    first
+        `(v,)` of `first_alike`: facets around a vertex are those around all its copies.
     light
         `(4,)` homogeneous.
     fade
@@ -70,7 +106,7 @@ def terminator_fade(
     for t in range(triangles.shape[0]):
         facet = facet_normal(positions, triangles[t])
         for k in range(3):
-            v = triangles[t, k]
+            v = first[triangles[t, k]]
             agreement = dot(facet, unit(row(normals, v)))
             if abs(agreement) < _SMOOTH_COSINE:
                 continue
@@ -80,6 +116,9 @@ def terminator_fade(
             fade[v, 0] = min(fade[v, 0], facing)
             fade[v, 1] = min(fade[v, 1], -facing)
     for v in range(positions.shape[0]):
+        if first[v] < v:
+            fade[v] = fade[first[v]]
+            continue
         facing = dot(unit(row(normals, v)), towards_light(light, row(positions, v)))
         fade[v, 0] = _eased(fade[v, 0], facing)
         fade[v, 1] = _eased(fade[v, 1], -facing)
