@@ -2,7 +2,7 @@
 # make check   formatting, lint, types and tests               make clean   remove what the others made
 PYTHON ?= python3
 # The view and the sun of models.pavilion_camera() and pavilion_light().
-PAVILION = --eye 9.5,7.6,22 --target -0.2,1.2,0 --fov 36 --sun 248,31 --samples-per-pixel 4
+PAVILION = --eye 7,7.4,25 --target 0.2,0.6,0.6 --fov 36 --sun 238,32 --samples-per-pixel 4
 
 .PHONY: demo test check clean
 

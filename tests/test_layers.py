@@ -9,7 +9,8 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "umbrae"
 
-# Top to bottom. A room imports from itself and from rows below its own; rooms side by side do not know each other.
+# Top to bottom. A room imports from itself and from rows below its own; rooms side by side do not know each
+# other.
 LAYERS = [
     {"__main__"},
     {"cli"},

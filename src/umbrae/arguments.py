@@ -69,15 +69,19 @@ def camera(
 ) -> Camera:
     """A camera at `eye` that looks at `target`, both in the file's own coordinates.
 
-    Without both it frames the scene by itself. With a target alone it keeps that direction and distance. With an
-    eye alone it looks at the centre of the bounds.
+    Without both it frames the scene by itself. With a target alone it keeps that direction and distance.
+    With an eye alone it looks at the centre of the bounds.
     """
     framed = Camera.frame(scene, up, fov, *size)
     if eye is None and target is None:
         return framed
     center = scene.bounds.astype(np.float64).mean(axis=0)
     look_at = center if target is None else scene.local(target)
-    stand = look_at + framed.eye - center if eye is None else scene.local(eye)
+    if eye is None:
+        forward = framed.axes[2]
+        stand = look_at - forward * float(forward @ (center - framed.eye))
+    else:
+        stand = scene.local(eye)
     return Camera.look_at(stand, look_at, up, fov, *size)
 
 

@@ -14,8 +14,9 @@ BAR_AFTER_SECONDS = 1.0
 class ConsoleClock(Clock):
     """A clock that prints every finished outermost span with its time on stderr.
 
-    A span that lasts longer than a second shows a bar: how far the innermost span has come where it says so, a
-    pulse where it does not. The bar needs a terminal; elsewhere there are only the lines, without control codes.
+    A span that lasts longer than a second shows a bar: how far the innermost span has come where it says
+    so, a pulse where it does not. The bar needs a terminal; elsewhere there are only the lines, without
+    control codes.
     """
 
     def __init__(self, console: Console | None = None) -> None:

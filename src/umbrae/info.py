@@ -44,8 +44,8 @@ class ModelInfo:
     closed
         Whether an even number of triangles meets along every edge: nothing has a border.
     edges_badly_wound
-        Edges along which windings disagree: the directions of the triangles that meet there do not cancel, not
-        even up to the one that is left over when their number is odd.
+        Edges along which windings disagree: the directions of the triangles that meet there do not cancel,
+        not even up to the one that is left over when their number is odd.
     degenerate
         Triangles that have exactly no area and so cast no shadow.
     duplicates
@@ -55,8 +55,8 @@ class ModelInfo:
     scene_bytes, samples_bytes
         Memory for the scene's arrays and textures, and for the samples and mask of a 1920x1080 picture.
     silhouette_share
-        Share of the edges that are silhouettes, averaged over `light_grid`. The lower, the more it pays to draw
-        shadow volumes from silhouettes instead of triangle by triangle.
+        Share of the edges that are silhouettes, averaged over `light_grid`. The lower, the more it pays to
+        draw shadow volumes from silhouettes instead of triangle by triangle.
     """
 
     triangles: int

@@ -53,7 +53,7 @@ class Edges:
 
 
 def weld(positions: NDArray[np.float32]) -> NDArray[np.int32]:
-    """One vertex per exact position: `(v,)` ids of `positions (v, 3)`, ascending by (x, y, z); -0 equals 0."""
+    """One vertex per exact position: `(v,)` ids of `positions (v, 3)`, in order of x, y, z; -0 equals 0."""
     if len(positions) == 0:
         return np.zeros(0, np.int32)
     x, y, z = (positions + np.float32(0)).T
@@ -90,9 +90,10 @@ def edges(triangles: NDArray[np.int32]) -> Edges:
 def zero_area(positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
     """Whether each of `triangles (t, 3)` has exactly no area: `(t,)`, decided without rounding.
 
-    The cross product of two sides is zero when its three differences of two products are. Each product is formed
-    as a float64 and its rounding error, a pair that is unique, so two products are equal when both parts are. (The
-    sides are exact in float64 unless their digits lie more than 53 bits apart; those few are done in rationals.)
+    The cross product of two sides is zero when its three differences of two products are. Each product is
+    formed as a float64 and its rounding error, a pair that is unique, so two products are equal when both
+    parts are. (The sides are exact in float64 unless their digits lie more than 53 bits apart; those few
+    are done in rationals.)
     """
     a, b, c = (positions.astype(np.float64)[triangles[:, corner]] for corner in range(3))
     side, other = b - a, c - a
@@ -112,10 +113,10 @@ def silhouette_share(
 ) -> float:
     """Share of the edges that are silhouettes, averaged over homogeneous `lights (n, 4)`.
 
-    An edge is a silhouette when its multiplicity (Kim et al. 2008; Milet et al., Algorithm 3) is not zero, that
-    is, unless as many adjacent triangles lie on one side of the plane through edge and light as on the other. A
-    triangle's side is its direction along the edge times the way it faces the light; flipping its winding changes
-    both. This is a statistic: facing is computed in float64.
+    An edge is a silhouette when its multiplicity (Kim et al. 2008; Milet et al., Algorithm 3) is not zero,
+    that is, unless as many adjacent triangles lie on one side of the plane through edge and light as on the
+    other. A triangle's side is its direction along the edge times the way it faces the light; flipping its
+    winding changes both. This is a statistic: facing is computed in float64.
     """
     if len(topology.vertices) == 0 or len(lights) == 0:
         return 0.0

@@ -1,0 +1,353 @@
+"""The command line as a user meets it: results on stdout, everything else on stderr, one line per error."""
+
+import io
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from rich.console import Console
+
+import umbrae as um
+from umbrae import cli, models
+from umbrae.console import ConsoleClock
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """A fresh current folder with a model: a square that hovers one unit above a larger one."""
+    monkeypatch.chdir(tmp_path)
+    floor = [(-2, 0, 2), (2, 0, 2), (2, 0, -2), (-2, 0, -2)]
+    roof = [(-1, 1, 1), (1, 1, 1), (1, 1, -1), (-1, 1, -1)]
+    scene = um.Scene(floor + roof, [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)])
+    um.save(scene, "roof.glb")
+    return tmp_path
+
+
+def umbrae(texts, *more):
+    """The exit status of one command line."""
+    return cli.run([*texts.split(), *more])
+
+
+def line(text):
+    """The one line on stderr."""
+    lines = text.strip().splitlines()
+    assert len(lines) == 1, text
+    return lines[0]
+
+
+def pixels(path):
+    with Image.open(path) as picture:
+        return np.asarray(picture)
+
+
+def test_render_alone_writes_a_picture_named_after_the_model(capsys):
+    assert cli.run(["render", "roof.glb", "--size", "64x36"]) == 0
+    out, err = capsys.readouterr()
+    assert out == "roof.png\n"
+    assert pixels("roof.png").shape == (36, 64, 3)
+    stages = [re.fullmatch(r"(\w[\w ]*?) +\d+\.\d\d s", text) for text in err.splitlines()]
+    assert [stage[1] for stage in stages if stage] == [
+        *("load", "compile kernels", "sample", "prepare", "shadow", "shade", "write")
+    ]
+    assert "\x1b" not in err
+
+
+def test_masks_and_arrays_of_several_lights(capsys):
+    texts = "render roof.glb -o a.png --mask m.png --npz a.npz --size 40x40"
+    lights = "--light 0.5,9,0 --light 0,-3,0 --sun 90,30"
+    assert umbrae(texts, *lights.split(), "--eye", "0,8,0.01", "--target", "0,0,0", "--quiet") == 0
+    out, err = capsys.readouterr()
+    assert out.split() == ["a.png", "m_1.png", "m_2.png", "m_3.png", "a.npz"] and err == ""
+    with np.load("a.npz") as arrays:
+        data = dict(arrays)
+    assert data["in_shadow"].shape == (3, 40, 40)
+    assert data["lights"].tolist()[:2] == [[0.5, 9, 0, 1], [0, -3, 0, 1]]
+    assert data["lights"][2] == pytest.approx((3**0.5 / 2, 0.5, 0, 0), abs=1e-6)
+    assert data["eye"].tolist() == [0, 8, 0.01] and data["origin"].tolist() == [0, 0, 0]
+    assert data["axes"].shape == (3, 3)
+    for name, shape in {"barycentric": (40, 40, 2), "position": (40, 40, 3), "depth": (40, 40)}.items():
+        assert data[name].shape == shape
+    covered, roof = data["covered"], data["triangle"] >= 2
+    first, second, third = data["in_shadow"]
+    assert covered.any() and roof.any() and not first[~covered].any()
+    assert not first[roof].any()  # the roof is lit from above
+    assert second[covered].all()  # from below everything is seen from its dark side
+    # the sun in the east at 30 degrees throws the roof's shadow sqrt(3) to the west
+    floor = covered & ~roof
+    x, z = data["position"][floor][:, 0], data["position"][floor][:, 2]
+    inside = (x > -1 - 3**0.5) & (x < 1 - 3**0.5) & (np.abs(z) < 1)
+    clear = (np.abs(x - (1 - 3**0.5)) > 1e-5) & (np.abs(np.abs(z) - 1) > 1e-5)
+    assert (third[floor] == inside)[clear].all() and inside.any() and not inside.all()
+    mask = pixels("m_3.png")
+    assert ((mask == 0) == third).all() and set(np.unique(mask)) == {0, 255}
+
+
+def test_one_light_has_one_mask_and_no_extra_axis():
+    texts = "render roof.glb --mask m.png --npz a.npz --size 32x18 --samples-per-pixel 4 -q"
+    assert umbrae(texts) == 0
+    with np.load("a.npz") as data:
+        in_shadow = data["in_shadow"]
+    assert in_shadow.shape == (18, 32, 4)
+    mask = pixels("m.png")
+    assert mask.shape == (18, 32)
+    assert (mask == np.round(255 * (1 - in_shadow.mean(axis=2)))).all()
+    assert len(np.unique(mask)) > 2
+
+
+def test_json_is_one_object_and_nothing_else(capsys):
+    assert umbrae("render roof.glb --size 64x36 --json --mask m.png") == 0
+    out, err = capsys.readouterr()
+    facts = json.loads(out)
+    assert err == ""
+    assert facts["triangles"] == 4 and facts["size"] == [64, 36] and facts["samples"] == 64 * 36
+    assert facts["method"] == "frustum" and facts["guarantee"] == "exact"
+    assert {"load", "sample", "prepare", "shadow", "shade", "write"} <= set(facts["seconds"])
+    assert facts["picture"] == "roof.png" and facts["masks"] == ["m.png"] and facts["npz"] is None
+    dark = int((pixels("m.png") == 0).sum())
+    assert facts["lights"][0]["in_shadow"] == dark > 0
+    assert all(isinstance(count, int) for count in facts["lights"][0]["stats"].values())
+
+
+def test_coordinates_of_options_are_the_files_own(capsys):
+    """A model near x = 5,000,000: eye, target and light are given there; the picture is the one near zero."""
+    near = "v 0 0 0\nv 4 0 0\nv 0 0 -4.125\nv 1 1 -1\nv 2 1 -1\nv 1 1 -2.0625\nf 1 2 3\nf 4 5 6\n"
+    far = re.sub(
+        r"^v (\S+)", lambda match: f"v {5_000_000.03125 + float(match[1])}", near, flags=re.MULTILINE
+    )
+    for name, text, shift in (("near", near, 0.0), ("far", far, 5_000_000.03125)):
+        Path(f"{name}.obj").write_text(text)
+        places = [
+            "--eye",
+            f"{shift + 2},6,3",
+            "--target",
+            f"{shift + 1},0,-1",
+            "--light",
+            f"{shift + 2},5,-2",
+        ]
+        assert (
+            cli.run(["render", f"{name}.obj", "--size", "48x48", "--mask", f"{name}_mask.png", "-q", *places])
+            == 0
+        )
+        err = capsys.readouterr().err
+        if name == "far":
+            assert line(err).startswith("umbrae: note: coordinates far from zero")
+        else:
+            assert err == ""
+    masks = [pixels(f"{name}_mask.png") for name in ("near", "far")]
+    assert (masks[0] == 0).any()
+    assert (masks[0] != masks[1]).mean() < 0.005  # the eye is rounded elsewhere
+
+
+def test_automatic_cameras(capsys):
+    scene = um.load("roof.glb")
+    framed = um.Camera.frame(scene, width=32, height=18)
+    where = {}
+    for name, texts in {"target": ["--target", "0,1,0.5"], "eye": ["--eye", "3,3,3"], "none": []}.items():
+        assert cli.run(["render", "roof.glb", "--size", "32x18", "--npz", f"{name}.npz", "-q", *texts]) == 0
+        with np.load(f"{name}.npz") as data:
+            where[name] = (data["eye"], data["axes"][2])
+    assert where["none"][0] == pytest.approx(framed.eye)
+    assert where["target"][1] == pytest.approx(framed.axes[2])  # same direction
+    to_target = np.array([0, 1, 0.5]) - where["target"][0]
+    assert to_target / np.linalg.norm(to_target) == pytest.approx(where["target"][1])
+    assert where["eye"][0].tolist() == [3, 3, 3]
+    assert where["eye"][1] == pytest.approx(np.array([-3, -2.5, -3]) / np.linalg.norm([3, 2.5, 3]))
+
+
+def test_materials_that_let_light_through_are_announced(capsys):
+    glass = um.Material((1, 0, 0, 0.5), alpha_mode="BLEND")
+    um.save(um.Scene([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)], [glass]), "glass.glb")
+    assert cli.run(["render", "glass.glb", "--size", "8x8", "-q"]) == 0
+    assert line(capsys.readouterr().err) == (
+        "umbrae: note: 1 alpha-masked or transparent material: casting solid shadows for now"
+    )
+
+
+BAD = {
+    "render nowhere.glb": "nowhere.glb: no such file",
+    "render roof.glb --eye 1,2": "'--eye': wanted three numbers x,y,z, got '1,2'",
+    "render roof.glb --target 1,2,nan": "'--target': wanted three numbers x,y,z, got '1,2,nan'",
+    "render roof.glb --light 1,2,3,4": "'--light': wanted three numbers x,y,z, got '1,2,3,4'",
+    "render roof.glb --sun 120": "'--sun': wanted two numbers azimuth,elevation in degrees, got '120'",
+    "render roof.glb --sun 120,91": "wanted an elevation of -90 to 90 degrees, got 91",
+    "render roof.glb --size 1920": "'--size': wanted two whole numbers such as 1920x1080, got '1920'",
+    "render roof.glb --size 0x9": "'--size': wanted two whole numbers of at least 1, got '0x9'",
+    "render roof.glb --size 99999x9": "wanted 1 to 65536 pixels, got 99999",
+    "render roof.glb --size 65536x65536": "GiB",
+    "render roof.glb --up x": "'--up': wanted y, z or three numbers x,y,z, got 'x'",
+    "render roof.glb --up 0,0,0": "'--up': wanted a vector that is not zero",
+    "render roof.glb --fov 180": "wanted degrees between 0 and 180, got 180",
+    "render roof.glb --eye 1,2,3 --target 1,2,3": "eye and target are the same point",
+    "render roof.glb --method frustrum": "unknown method 'frustrum'; did you mean 'frustum'? (known: oracle, ",
+    "render roof.glb --samples-per-pixel 0": "'--samples-per-pixel'",
+    "render roof.glb -o nowhere/out.png": "nowhere/out.png: no such folder",
+    "render roof.glb -o out.xyz": "out.xyz: unknown extension '.xyz'",
+    "render roof.glb --npz out.txt": "out.txt: unknown extension '.txt'",
+    "render roof.glb -o a.png --mask ./a.png": "a.png: would overwrite another output",
+    "render picture.png -o picture.png": "picture.png: would overwrite the model",
+    "render roof.glb --sice 9x9": "No such option: --sice",
+    "render": "Missing argument 'MODEL'",
+    "rendre": "No such command 'rendre'",
+    "scene": "Missing command",
+    "scene spheres --triangles 3": "got 3",
+    "scene spheres --grid 10": "'--grid': wanted two whole numbers",
+    "scene pavilion -o out.png": "out.png: unknown extension '.png'",
+    "verify roof.glb --count 0": "'--count'",
+    "info folder": "is not a file",
+}
+
+
+@pytest.mark.parametrize("texts", BAD)
+def test_bad_input_is_one_line_and_status_2(texts, capsys, folder):
+    (folder / "folder").mkdir()
+    before = sorted(folder.iterdir())
+    assert umbrae(texts, *(["-q"] if texts.startswith("render ") else [])) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    last = err.strip().splitlines()[-1]
+    assert last.startswith("umbrae: error: ") and BAD[texts] in last
+    assert sum("error" in text for text in err.splitlines()) == 1
+    assert sorted(folder.iterdir()) == before
+
+
+def test_interruption_and_bugs_are_one_line_each(capsys, monkeypatch):
+    monkeypatch.delenv("UMBRAE_DEBUG", raising=False)
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    def broken(*_, **__):
+        raise ZeroDivisionError("of\nall things")
+
+    monkeypatch.setattr(um, "load", interrupted)
+    assert cli.run(["info", "roof.glb"]) == 130
+    assert line(capsys.readouterr().err) == "umbrae: error: interrupted"
+    monkeypatch.setattr(um, "load", broken)
+    assert cli.run(["info", "roof.glb"]) == 70
+    said = line(capsys.readouterr().err)
+    assert said.startswith("umbrae: error: ZeroDivisionError: of all things") and "UMBRAE_DEBUG=1" in said
+    monkeypatch.setenv("UMBRAE_DEBUG", "1")
+    with pytest.raises(ZeroDivisionError):
+        cli.run(["info", "roof.glb"])
+
+
+def test_verify_passes_an_exact_method(capsys):
+    texts = "verify roof.glb --size 64x36 --count 500 --sun 120,40 --light 0,3,0"
+    assert umbrae(texts) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2 and all(
+        "500 samples, 0 wrong outside the band, 0 inside" in text for text in lines
+    )
+    assert umbrae(texts, "--json") == 0
+    first, second = json.loads(capsys.readouterr().out)["lights"]
+    assert first["checked"] == second["checked"] == 500 and first["outside_band"] == 0
+
+
+def test_verify_ends_with_1_for_a_wrong_method(capsys, monkeypatch):
+    def all_dark(scene, light, samples, **_):
+        return um.ShadowMask(np.ones(samples.shape, bool), um.Guarantee.EXACT)
+
+    monkeypatch.setattr(um, "shadow", all_dark)
+    assert umbrae("verify roof.glb --size 64x36 --count 500 --sun 120,40 -q") == 1
+    out, err = capsys.readouterr()
+    assert err == "" and re.search(r"500 samples, [1-9]\d* wrong outside the band", out)
+    assert not out.rstrip().endswith("worst margin 0")
+
+
+def test_scenes_of_our_own(capsys):
+    assert umbrae("scene spheres --grid 3x2 --triangles 602 -o s.glb") == 0
+    assert cli.run(["scene", "pavilion"]) == 0
+    assert capsys.readouterr().out.split() == ["s.glb", "pavilion.glb"]
+    assert len(um.load("s.glb").triangles) == len(models.spheres((3, 2), 602).triangles)
+    assert len(um.load("pavilion.glb").triangles) == len(models.pavilion().triangles)
+
+
+def test_info_methods_version_and_help(capsys):
+    assert cli.run(["info", "roof.glb"]) == 0
+    assert "8 with one triangle, 2 with two, 0 with more" in capsys.readouterr().out
+    assert cli.run(["info", "roof.glb", "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["edges_1"] == 8 and err == ""
+    assert cli.run(["methods"]) == 0
+    out = capsys.readouterr().out
+    assert all(name in out for name in um.METHODS) and "Sintorn" in out
+    assert cli.run(["--version"]) == 0
+    assert capsys.readouterr().out == f"umbrae {um.__version__}\n"
+    assert cli.run([]) == 0
+    assert "render" in capsys.readouterr().out
+
+
+def test_demo_shows_the_pavilions_own_view(monkeypatch):
+    """The options in the Makefile are the camera and the light that the scene comes with."""
+    options = re.search(r"^PAVILION = (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)[1].split()
+    options[options.index("--samples-per-pixel") + 1] = "1"
+    assert cli.run(["scene", "pavilion", "-o", "p.glb"]) == 0
+    assert cli.run(["render", "p.glb", "-q", "--npz", "p.npz", "--size", "64x36", *options]) == 0
+    camera = models.pavilion_camera(64, 36)
+    with np.load("p.npz") as data:
+        assert data["eye"] == pytest.approx(camera.eye) and data["axes"] == pytest.approx(camera.axes)
+        assert (data["lights"] == models.pavilion_light().position).all()
+        depth = data["depth"]
+    assert (depth == um.sample(models.pavilion(), camera).depth).mean() > 0.99
+
+
+def test_as_a_process_without_a_terminal(folder):
+    """`python -m umbrae` in a pipe: lines without control codes, and a traceback-free end."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "src")}
+    command = [sys.executable, "-m", "umbrae", "render", "roof.glb", "--size", "16x9"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, check=False)
+    assert done.returncode == 0 and done.stdout == "roof.png\n"
+    assert "\x1b" not in done.stderr and "\r" not in done.stderr and "shadow" in done.stderr
+
+
+def terminal(**options):
+    return Console(file=io.StringIO(), width=80, highlight=False, **options)
+
+
+def test_clock_prints_outermost_spans_only():
+    console = terminal()
+    clock = ConsoleClock(console)
+    with clock.span("outer"), clock.span("inner"):
+        clock.advance(1, 2)
+    with pytest.raises(ValueError), clock.span("failed"):
+        raise ValueError
+    assert re.fullmatch(r"outer +0\.00 s\n", console.file.getvalue())
+    assert [name for name, _ in clock.spans] == ["inner", "outer", "failed"]
+
+
+def test_clock_shows_a_bar_only_for_long_spans(monkeypatch):
+    monkeypatch.setattr("umbrae.console.BAR_AFTER_SECONDS", 0.05)
+    console = terminal(force_terminal=True)
+    clock = ConsoleClock(console)
+    with clock.span("short"):
+        pass
+    time.sleep(0.1)
+    assert re.fullmatch(r"short +0\.00 s\n", console.file.getvalue())
+    with clock.span("long"):
+        time.sleep(0.2)
+        with clock.span("part"):
+            clock.advance(1, 4)
+            time.sleep(0.2)
+    text = console.file.getvalue()
+    assert "long · part" in text and "25%" in text
+    assert re.search(r"long +0\.\d\d s\n$", text)
+
+
+def test_a_failed_span_takes_its_bar_away(monkeypatch):
+    monkeypatch.setattr("umbrae.console.BAR_AFTER_SECONDS", 0.02)
+    console = terminal(force_terminal=True)
+    clock = ConsoleClock(console)
+    with pytest.raises(KeyboardInterrupt), clock.span("long"):
+        time.sleep(0.1)
+        raise KeyboardInterrupt
+    assert clock._bar is None and clock._timer is None
+    assert console.file.getvalue().endswith("\x1b[2K")

@@ -1,0 +1,56 @@
+"""Every example runs, and so does every line of Python in the README."""
+
+import re
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+SAYS = {
+    "hello_shadow": r"pavilion\.png: \d+% of what is seen lies in shadow, guarantee: exact\n",
+    "sensors": r"(#{8}\n){4}(\.{8}\n){8}on the wall: 33% in shadow\nin front of it: 17% in shadow\n",
+    "two_lights": r"no sun:  +\d+\.\d%\nno lamp: +\d+\.\d%\nneither: +\d+\.\d%\n",
+}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_example(path, capsys):
+    runpy.run_path(str(path), run_name="__main__")
+    assert re.fullmatch(SAYS[path.stem], capsys.readouterr().out)
+    for picture in Path().iterdir():
+        with Image.open(picture) as image:
+            assert len(np.unique(np.asarray(image))) > 20
+
+
+def test_readme(capsys):
+    text = (ROOT / "README.md").read_text()
+    blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    assert blocks
+    names: dict[str, object] = {}
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), names)
+    assert Path("model.png").exists()
+
+
+def test_readme_names_every_command_and_method():
+    from umbrae import METHODS, cli
+
+    text = (ROOT / "README.md").read_text()
+    commands = [command.name or command.callback.__name__ for command in cli.app.registered_commands]
+    assert all(f"umbrae {name}" in text for name in commands)
+    assert all(f"`{name}`" in text for name in METHODS)
+
+
+def test_what_the_readme_shows_is_there():
+    text = (ROOT / "README.md").read_text() + (ROOT / "CONTRIBUTING.md").read_text()
+    links = re.findall(r"\]\((?!https?:)([^)#]+)", text)
+    assert links and [link for link in links if not (ROOT / link).exists()] == []
