@@ -40,7 +40,10 @@ def build(positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> BoxTr
     upper = np.full((2 * leaves - 1, 3), -np.inf)
     box_low, box_high = np.full((len(padded), 3), np.inf), np.full((len(padded), 3), -np.inf)
     box_low[: len(order)], box_high[: len(order)] = low[order], high[order]
-    box_low, box_high = box_low.reshape(leaves, LEAF, 3).min(axis=1), box_high.reshape(leaves, LEAF, 3).max(axis=1)
+    box_low, box_high = (
+        box_low.reshape(leaves, LEAF, 3).min(axis=1),
+        box_high.reshape(leaves, LEAF, 3).max(axis=1),
+    )
     start = leaves - 1
     while True:
         lower[start : 2 * start + 1], upper[start : 2 * start + 1] = box_low, box_high

@@ -131,19 +131,23 @@ def _background(view: View, y: int, x: int) -> Vec3:
 def _surface_light(surface: Surface, view: View, lighting: Lighting, y: int, x: int, s: int) -> Vec3:
     """Light that a sample on a surface sends to the eye."""
     t = view.triangle[y, x, s]
-    triangle = surface.triangles[t]
+    a, b, c = surface.triangles[t, 0], surface.triangles[t, 1], surface.triangles[t, 2]
     v, w = float(view.barycentric[y, x, s, 0]), float(view.barycentric[y, x, s, 1])
-    position = row(view.position[y, x], s)
+    position = (
+        float(view.position[y, x, s, 0]),
+        float(view.position[y, x, s, 1]),
+        float(view.position[y, x, s, 2]),
+    )
     to_eye = unit(subtract(row(view.pinhole, 0), position))
 
     # The facet's normal by its winding, or the smooth one, turned to the side the sample is seen from.
-    facet = facet_normal(surface.positions, triangle)
+    facet = facet_normal(surface.positions, a, b, c)
     turn = float(view.side[y, x, s])
     if turn == 0.0:
         turn = 1.0 if dot(facet, to_eye) >= 0.0 else -1.0
     normal, agreement = facet, 0.0
     if surface.normals.shape[0] > 0:
-        smooth, agreement = smooth_normal(surface.normals, triangle, v, w, facet)
+        smooth, agreement = smooth_normal(surface.normals, a, b, c, v, w, facet)
         if agreement != 0.0:
             normal = smooth
             turn *= agreement
@@ -155,37 +159,39 @@ def _surface_light(surface: Surface, view: View, lighting: Lighting, y: int, x: 
     for k in range(lighting.position.shape[0]):
         if lighting.in_shadow[k, y, x, s]:
             continue
-        share = max(0.0, dot(normal, towards_light(lighting.position[k], position)))
+        to_light = towards_light(row(lighting.position, k), lighting.position[k, 3], position)
+        share = max(0.0, dot(normal, to_light))
         if agreement != 0.0:
-            a, b, c = triangle[0], triangle[1], triangle[2]
-            fade = lighting.fade[k]
-            share *= (1.0 - v - w) * fade[a, back] + v * fade[b, back] + w * fade[c, back]
+            share *= (
+                (1.0 - v - w) * lighting.fade[k, a, back]
+                + v * lighting.fade[k, b, back]
+                + w * lighting.fade[k, c, back]
+            )
         light = add(light, scale(DIRECT * share, row(lighting.radiance, k)))
 
     m = surface.material_id[t]
     light = times(light, row(surface.base_color, m))
     if surface.colors.shape[0] > 0:
-        light = times(light, interpolate(surface.colors, triangle, v, w))
+        light = times(light, interpolate(surface.colors, a, b, c, v, w))
     if surface.levels[m] > 0:
-        light = times(light, _texture(surface, view, m, triangle, v, w, position))
+        light = times(light, _texture(surface, view, m, a, b, c, v, w, position))
     return light
 
 
 @inline
 def _texture(
-    surface: Surface, view: View, m: int, triangle: NDArray[np.int32], v: float, w: float, position: Vec3
+    surface: Surface, view: View, m: int, a: int, b: int, c: int, v: float, w: float, position: Vec3
 ) -> Vec3:
-    """The texture of material `m`, averaged over the footprint of one sample on the triangle."""
-    a = row(surface.positions, triangle[0])
-    ab = subtract(row(surface.positions, triangle[1]), a)
-    ac = subtract(row(surface.positions, triangle[2]), a)
+    """The texture of material `m`, averaged over the footprint of one sample on triangle `a b c`."""
+    start = row(surface.positions, a)
+    ab, ac = subtract(row(surface.positions, b), start), subtract(row(surface.positions, c), start)
     normal = cross(ab, ac)
     area = max(dot(normal, normal), 1e-300)
     # Barycentrics are linear in the plane: v = (p - a) . (ac x n) / n.n and w = (p - a) . (n x ab) / n.n.
     gradient_v, gradient_w = scale(1.0 / area, cross(ac, normal)), scale(1.0 / area, cross(normal, ab))
-    uv_a, uv_b, uv_c = surface.uv[triangle[0]], surface.uv[triangle[1]], surface.uv[triangle[2]]
-    ab_u, ab_v = float(uv_b[0]) - float(uv_a[0]), float(uv_b[1]) - float(uv_a[1])
-    ac_u, ac_v = float(uv_c[0]) - float(uv_a[0]), float(uv_c[1]) - float(uv_a[1])
+    u_a, v_a = float(surface.uv[a, 0]), float(surface.uv[a, 1])
+    ab_u, ab_v = float(surface.uv[b, 0]) - u_a, float(surface.uv[b, 1]) - v_a
+    ac_u, ac_v = float(surface.uv[c, 0]) - u_a, float(surface.uv[c, 1]) - v_a
 
     ray = subtract(position, row(view.pinhole, 0))
     steepness = dot(ray, normal)
@@ -201,8 +207,8 @@ def _texture(
         surface.size,
         surface.slot[m],
         surface.levels[m],
-        float(uv_a[0]) + v * ab_u + w * ac_u,
-        float(uv_a[1]) + v * ab_v + w * ac_v,
+        u_a + v * ab_u + w * ac_u,
+        v_a + v * ab_v + w * ac_v,
         (across_v * ab_u + across_w * ac_u, across_v * ab_v + across_w * ac_v),
         (down_v * ab_u + down_w * ac_u, down_v * ab_v + down_w * ac_v),
     )

@@ -11,34 +11,39 @@ _SMOOTH_COSINE = 0.7
 
 
 @inline
-def facet_normal(positions: NDArray[np.float32], triangle: NDArray[np.int32]) -> Vec3:
-    """Unit normal of a triangle by its winding; zero when it has no area."""
-    a = row(positions, triangle[0])
-    ab, ac = subtract(row(positions, triangle[1]), a), subtract(row(positions, triangle[2]), a)
+def facet_normal(positions: NDArray[np.float32], a: int, b: int, c: int) -> Vec3:
+    """Unit normal of triangle `a b c` by its winding; zero when it has no area."""
+    start = row(positions, a)
+    ab, ac = subtract(row(positions, b), start), subtract(row(positions, c), start)
     normal: Vec3 = unit(cross(ab, ac))
     return normal
 
 
 @inline
 def smooth_normal(
-    normals: NDArray[np.float32], triangle: NDArray[np.int32], v: float, w: float, facet: Vec3
+    normals: NDArray[np.float32], a: int, b: int, c: int, v: float, w: float, facet: Vec3
 ) -> tuple[Vec3, float]:
     """Vertex normals interpolated at barycentrics `(1 - v - w, v, w)`, and their agreement with the facet's.
 
     +1 when the vertex normals lie on its side, -1 on the other (some models wind their triangles against
     their normals), 0 when one of them is missing: then there is no smooth normal.
     """
-    a, b, c = row(normals, triangle[0]), row(normals, triangle[1]), row(normals, triangle[2])
-    normal = unit(interpolate(normals, triangle, v, w))
-    if not (dot(a, a) > 0.0 and dot(b, b) > 0.0 and dot(c, c) > 0.0 and dot(normal, normal) > 0.0):
+    at_a, at_b, at_c = row(normals, a), row(normals, b), row(normals, c)
+    normal = unit(interpolate(normals, a, b, c, v, w))
+    if not (
+        dot(at_a, at_a) > 0.0
+        and dot(at_b, at_b) > 0.0
+        and dot(at_c, at_c) > 0.0
+        and dot(normal, normal) > 0.0
+    ):
         return normal, 0.0
-    return normal, 1.0 if dot(add(a, add(b, c)), facet) >= 0.0 else -1.0
+    return normal, 1.0 if dot(add(at_a, add(at_b, at_c)), facet) >= 0.0 else -1.0
 
 
 @inline
-def towards_light(light: NDArray[np.float64], position: Vec3) -> Vec3:
-    """Unit vector from a position to a homogeneous light `(4,)`."""
-    direction: Vec3 = unit(subtract((light[0], light[1], light[2]), scale(light[3], position)))
+def towards_light(light: Vec3, w: float, position: Vec3) -> Vec3:
+    """Unit vector from a position to the homogeneous light `(light, w)`."""
+    direction: Vec3 = unit(subtract(light, scale(w, position)))
     return direction
 
 
@@ -101,25 +106,26 @@ def terminator_fade(
     fade
         `(v, 2)` written: for the side the vertex normal points to, and for the other.
     """
+    place = (light[0], light[1], light[2])
     fade[:, 0] = np.inf
     fade[:, 1] = np.inf
     for t in range(triangles.shape[0]):
-        facet = facet_normal(positions, triangles[t])
+        facet = facet_normal(positions, triangles[t, 0], triangles[t, 1], triangles[t, 2])
         for k in range(3):
             v = first[triangles[t, k]]
             agreement = dot(facet, unit(row(normals, v)))
             if abs(agreement) < _SMOOTH_COSINE:
                 continue
-            facing = dot(facet, towards_light(light, row(positions, v)))
+            facing = dot(facet, towards_light(place, light[3], row(positions, v)))
             if agreement < 0.0:
                 facing = -facing
             fade[v, 0] = min(fade[v, 0], facing)
             fade[v, 1] = min(fade[v, 1], -facing)
     for v in range(positions.shape[0]):
         if first[v] < v:
-            fade[v] = fade[first[v]]
+            fade[v, 0], fade[v, 1] = fade[first[v], 0], fade[first[v], 1]
             continue
-        facing = dot(unit(row(normals, v)), towards_light(light, row(positions, v)))
+        facing = dot(unit(row(normals, v)), towards_light(place, light[3], row(positions, v)))
         fade[v, 0] = _eased(fade[v, 0], facing)
         fade[v, 1] = _eased(fade[v, 1], -facing)
 

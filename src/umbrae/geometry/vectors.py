@@ -1,4 +1,7 @@
-"""Three numbers as a tuple, inside kernels."""
+"""Three numbers as a tuple, inside kernels.
+
+Rows are read into tuples by index: a slice of an array would count references, which costs more than the arithmetic.
+"""
 
 import math
 
@@ -68,8 +71,9 @@ def unit(a: Vec3) -> Vec3:
 
 
 @inline
-def interpolate(array: NDArray[np.floating], triangle: NDArray[np.int32], v: float, w: float) -> Vec3:
-    """Rows of a triangle's three vertices at barycentrics `(1 - v - w, v, w)`."""
-    a, b, c = row(array, triangle[0]), row(array, triangle[1]), row(array, triangle[2])
-    point: Vec3 = add(a, add(scale(v, subtract(b, a)), scale(w, subtract(c, a))))
+def interpolate(array: NDArray[np.floating], a: int, b: int, c: int, v: float, w: float) -> Vec3:
+    """Rows `a`, `b`, `c` of an `(n, 3)` array at barycentrics `(1 - v - w, v, w)`."""
+    start = row(array, a)
+    along_v, along_w = subtract(row(array, b), start), subtract(row(array, c), start)
+    point: Vec3 = add(start, add(scale(v, along_v), scale(w, along_w)))
     return point

@@ -19,6 +19,7 @@ light, 2**-49 instead of 2**-50 for the sums. Dividing a plane by |a| + |b| + |c
 
 import numpy as np
 
+from umbrae.methods.sample_tree import QMIN, XMAX, XMIN, YMAX, YMIN
 from umbrae.parallel import inline
 
 FLOAT_ERROR = 6.0 * 2.0**-24
@@ -30,118 +31,143 @@ BOUND_SIDES, BOUND_PLANE = 13, 14
 
 
 @inline
-def _put_plane(row, start, a, b, c, d, error, frame, scale):
-    """Store a plane in window units, divided by |a| + |b| + |c|; returns its float64 error bound after that."""
-    c = c + a * frame[6] + b * frame[7] + d * frame[8]
-    a, b, d = a * frame[9], b * frame[10], d * frame[11]
+def _put_side(row, start, frame, na, nb, constant, error, inside):
+    """Store a side plane in window units, divided by |a| + |b| + |c|; returns its float64 error bound after that."""
+    c = constant + na * frame.x0 + nb * frame.y0
+    a, b = na * frame.hx, nb * frame.hy
     size = abs(a) + abs(b) + abs(c)
-    if size <= 0.0:
-        size = abs(d)
-    if size <= 0.0:
-        size = 1.0
-    factor = scale / size
-    row[start], row[start + 1], row[start + 2] = a * factor, b * factor, c * factor
-    if d != 0.0:
-        row[start + 3] = d * factor
-    return error * abs(factor)
+    factor = 1.0 / size if size > 0.0 else 1.0
+    row[start], row[start + 1], row[start + 2] = inside * a * factor, inside * b * factor, inside * c * factor
+    return 2.0**-49 * error * factor
 
 
 @inline
-def project(point, light, frame, out):
-    """Window coordinates of a vertex (relative to the light when that is a point) into `out`; False when not in front.
+def _point_side(row, start, frame, inside, reach_a, reach_b, ra, rb, rc, ea, eb, ec):
+    """Side plane of the edge (ea, eb, ec) from the vertex (ra, rb, rc), both relative to a point light."""
+    a1, a2 = rb * ec, rc * eb
+    b1, b2 = rc * ea, ra * ec
+    c1, c2 = ra * eb, rb * ea
+    error = (abs(a1) + abs(a2)) * reach_a + (abs(b1) + abs(b2)) * reach_b + abs(c1) + abs(c2)
+    return _put_side(row, start, frame, a1 - a2, b1 - b2, frame.sign * (c1 - c2), error, inside)
 
-    `out` holds x, y, q and a bound of the error of each.
+
+@inline
+def _parallel_side(row, start, frame, inside, reach_a, reach_b, light_a, light_b, light_c, x, y, ea, eb, ec):
+    """Side plane of the edge (ea, eb, ec) from a vertex at x, y, along a directional light."""
+    a1, a2 = light_c * eb, light_b * ec
+    b1, b2 = light_a * ec, light_c * ea
+    na, nb = a1 - a2, b1 - b2
+    error = (abs(a1) + abs(a2)) * reach_a + (abs(b1) + abs(b2)) * reach_b
+    return _put_side(row, start, frame, na, nb, -(na * x + nb * y), error, inside)
+
+
+@inline
+def set_up_frustum(positions, i, j, k, light, facing, frame, box, root, rect, row):
+    """Bounds and planes of the frustum of the triangle (i, j, k), which the light sees from side `facing` (+1 or -1).
+
+    Writes `rect` (xmin, xmax, ymin, ymax, qmax; infinite where a vertex lies behind a point light's frame) and `row`.
+    Returns False, with `row` untouched, when the frustum holds no sample in the box of `root`: all vertices behind
+    the frame, or the bounds outside the box.
     """
-    a, b, c = np.int64(frame[0]), np.int64(frame[1]), np.int64(frame[2])
-    pa, pb, pc = point[a], point[b], point[c]
-    if light[3] == 0.0:
-        x, y, q = pa - frame[4] * pc, pb - frame[5] * pc, frame[3] * pc
-        error = 2.0**-50 * (abs(pa) + abs(pb) + abs(pc))
-        error_q = 0.0
-    else:
-        z = frame[3] * pc
-        if z <= 2.0**-40 * (abs(pa) + abs(pb)):
-            return False
-        x, y, q = pa / z, pb / z, 1.0 / z
-        error = 2.0**-50 * max(abs(x), abs(y))
-        error_q = 2.0**-50 * q
-    out[0], out[1], out[2] = (x - frame[6]) / frame[9], (y - frame[7]) / frame[10], (q - frame[8]) / frame[11]
-    # 2**-22 leaves room for rounding the bounds to float32.
-    out[3] = (error + 2.0**-50 * abs(frame[6])) / frame[9] + 2.0**-22 * max(1.0, abs(out[0]))
-    out[4] = (error + 2.0**-50 * abs(frame[7])) / frame[10] + 2.0**-22 * max(1.0, abs(out[1]))
-    out[5] = (error_q + 2.0**-50 * abs(frame[8])) / frame[11] + 2.0**-22 * max(1.0, abs(out[2]))
-    return True
-
-
-@inline
-def frustum_bounds(vertices, light, frame, scratch, rect):
-    """Bounds (xmin, xmax, ymin, ymax, qmax) in window units; infinite where a vertex is not in front of the light."""
-    rect[0], rect[2] = np.inf, np.inf
-    rect[1], rect[3], rect[4] = -np.inf, -np.inf, -np.inf
-    for corner in range(3):
-        if not project(vertices[corner], light, frame, scratch):
-            rect[0], rect[2] = -np.inf, -np.inf
-            rect[1], rect[3], rect[4] = np.inf, np.inf, np.inf
-            return
-        rect[0] = min(rect[0], scratch[0] - scratch[3])
-        rect[1] = max(rect[1], scratch[0] + scratch[3])
-        rect[2] = min(rect[2], scratch[1] - scratch[4])
-        rect[3] = max(rect[3], scratch[1] + scratch[4])
-        rect[4] = max(rect[4], scratch[2] + scratch[5])
-
-
-@inline
-def frustum_planes(vertices, light, facing, frame, row):
-    """The four planes of a triangle's frustum; `vertices` (3, 3) float64 minus w l, `facing` +1 or -1."""
     w = light[3]
-    a, b, c = np.int64(frame[0]), np.int64(frame[1]), np.int64(frame[2])
-    g = frame[3]
-    inside = -1.0 if facing > 0 else 1.0
-    reach_a, reach_b = abs(frame[6]) + frame[9], abs(frame[7]) + frame[10]
-    reach_c = 1.0
-    if w == 0.0:
-        for corner in range(3):
-            far = abs(vertices[corner, a]) + abs(vertices[corner, b]) + abs(vertices[corner, c])
-            reach_c = max(reach_c, far)
-        reach_a, reach_b = reach_a + reach_c, reach_b + reach_c
-    bound = 0.0
-    for edge in range(3):
-        v0, v1 = edge, (edge + 1) % 3
-        # w V0 - l is the vertex itself when that is given relative to a point light.
-        ra = vertices[v0, a] if w != 0.0 else -light[a]
-        rb = vertices[v0, b] if w != 0.0 else -light[b]
-        rc = vertices[v0, c] if w != 0.0 else -light[c]
-        ea, eb, ec = vertices[v1, a] - vertices[v0, a], vertices[v1, b] - vertices[v0, b], vertices[v1, c] - vertices[v0, c]
-        na, nb, nc = rb * ec - rc * eb, rc * ea - ra * ec, ra * eb - rb * ea
-        ma, mb, mc = abs(rb * ec) + abs(rc * eb), abs(rc * ea) + abs(ra * ec), abs(ra * eb) + abs(rb * ea)
-        if w != 0.0:
-            constant = g * nc
-            error = ma * reach_a + mb * reach_b + mc
-        else:
-            xa = vertices[v0, a] - frame[4] * vertices[v0, c]
-            xb = vertices[v0, b] - frame[5] * vertices[v0, c]
-            constant = -(na * xa + nb * xb)
-            error = ma * reach_a + mb * reach_b
-        error = _put_plane(row, 3 * edge, na, nb, constant, 0.0, 2.0**-49 * error, frame, inside)
-        bound = max(bound, error)
-    row[BOUND_SIDES] = bound * 1.000001 + FLOAT_ERROR
-    e1a, e1b, e1c = vertices[1, a] - vertices[0, a], vertices[1, b] - vertices[0, b], vertices[1, c] - vertices[0, c]
-    e2a, e2b, e2c = vertices[2, a] - vertices[0, a], vertices[2, b] - vertices[0, b], vertices[2, c] - vertices[0, c]
-    na, nb, nc = e1b * e2c - e1c * e2b, e1c * e2a - e1a * e2c, e1a * e2b - e1b * e2a
-    ma, mb, mc = abs(e1b * e2c) + abs(e1c * e2b), abs(e1c * e2a) + abs(e1a * e2c), abs(e1a * e2b) + abs(e1b * e2a)
-    va, vb, vc = vertices[0, a], vertices[0, b], vertices[0, c]
-    reach_q = abs(frame[8]) + frame[11]
+    a, b, c = frame.axis_a, frame.axis_b, frame.axis_c
+    light_a, light_b, light_c = light[a], light[b], light[c]
+    a0, b0, c0 = positions[i, a] - w * light_a, positions[i, b] - w * light_b, positions[i, c] - w * light_c
+    a1, b1, c1 = positions[j, a] - w * light_a, positions[j, b] - w * light_b, positions[j, c] - w * light_c
+    a2, b2, c2 = positions[k, a] - w * light_a, positions[k, b] - w * light_b, positions[k, c] - w * light_c
+    reach = max(abs(a0), abs(a1), abs(a2)) + max(abs(b0), abs(b1), abs(b2)) + max(abs(c0), abs(c1), abs(c2))
     if w != 0.0:
-        towards = -(na * va + nb * vb + nc * vc)
-        constant = g * nc
-        error = ma * reach_a + mb * reach_b + mc
-        error_q = ma * abs(va) + mb * abs(vb) + mc * abs(vc)
+        z0, z1, z2 = frame.sign * c0, frame.sign * c1, frame.sign * c2
+        if max(z0, z1, z2) <= 0.0:
+            return False
+        in_front = min(z0, z1, z2) > 2.0**-40 * reach
+        if in_front:
+            q0, q1, q2 = 1.0 / z0, 1.0 / z1, 1.0 / z2
+            x0, y0, x1, y1, x2, y2 = a0 * q0, b0 * q0, a1 * q1, b1 * q1, a2 * q2, b2 * q2
+            error_x = 2.0**-50 * max(abs(x0), abs(x1), abs(x2))
+            error_y = 2.0**-50 * max(abs(y0), abs(y1), abs(y2))
+            error_q = 2.0**-50 * max(q0, q1, q2)
+        else:
+            x0 = x1 = x2 = y0 = y1 = y2 = q0 = q1 = q2 = error_x = error_y = error_q = 0.0
     else:
-        scale = 1.0 / abs(light[c])
-        towards = (na * light[a] + nb * light[b] + nc * light[c]) * scale
-        constant = -(na * va + nb * vb + nc * vc)
-        error = ma * reach_a + mb * reach_b + mc * reach_c
-        error_q = (ma + mb + mc) * 1.000001
-    row[12] = 0.0
-    error = _put_plane(row, 9, na, nb, constant, towards, 2.0**-49 * (error + error_q * reach_q), frame, inside)
-    row[BOUND_PLANE] = error * 1.000001 + FLOAT_ERROR
+        in_front = True
+        x0, y0, q0 = a0 - frame.slope_a * c0, b0 - frame.slope_b * c0, frame.sign * c0
+        x1, y1, q1 = a1 - frame.slope_a * c1, b1 - frame.slope_b * c1, frame.sign * c1
+        x2, y2, q2 = a2 - frame.slope_a * c2, b2 - frame.slope_b * c2, frame.sign * c2
+        error_x = error_y = error_q = 2.0**-50 * reach
+    if in_front:
+        # 2**-50 of the window's place covers moving into the window, 2**-22 the rounding to float32.
+        error_x, error_y = error_x + 2.0**-50 * abs(frame.x0), error_y + 2.0**-50 * abs(frame.y0)
+        error_q = error_q + 2.0**-50 * abs(frame.q0)
+        xmin, xmax = (
+            (min(x0, x1, x2) - error_x - frame.x0) / frame.hx,
+            (max(x0, x1, x2) + error_x - frame.x0) / frame.hx,
+        )
+        ymin, ymax = (
+            (min(y0, y1, y2) - error_y - frame.y0) / frame.hy,
+            (max(y0, y1, y2) + error_y - frame.y0) / frame.hy,
+        )
+        qmax = (max(q0, q1, q2) + error_q - frame.q0) / frame.hq
+        wide_x = 2.0**-22 * max(1.0, -xmin, xmax)
+        wide_y = 2.0**-22 * max(1.0, -ymin, ymax)
+        rect[0], rect[1] = xmin - wide_x, xmax + wide_x
+        rect[2], rect[3] = ymin - wide_y, ymax + wide_y
+        rect[4] = qmax + 2.0**-22 * max(1.0, abs(qmax))
+    else:
+        rect[0], rect[2] = -np.inf, -np.inf
+        rect[1], rect[3], rect[4] = np.inf, np.inf, np.inf
+    if (
+        rect[0] > box[XMAX, root]
+        or rect[1] < box[XMIN, root]
+        or rect[2] > box[YMAX, root]
+        or rect[3] < box[YMIN, root]
+        or rect[4] < box[QMIN, root]
+    ):
+        return False
+    inside = -1.0 if facing > 0 else 1.0
+    reach_a, reach_b = abs(frame.x0) + frame.hx, abs(frame.y0) + frame.hy
+    reach_q = abs(frame.q0) + frame.hq
+    ea, eb, ec = a1 - a0, b1 - b0, c1 - c0
+    fa, fb, fc = a2 - a0, b2 - b0, c2 - c0
+    ga, gb, gc = a2 - a1, b2 - b1, c2 - c1
+    m1, m2, m3, m4, m5, m6 = eb * fc, ec * fb, ec * fa, ea * fc, ea * fb, eb * fa
+    na, nb, nc = m1 - m2, m3 - m4, m5 - m6
+    ma, mb, mc = abs(m1) + abs(m2), abs(m3) + abs(m4), abs(m5) + abs(m6)
+    if w != 0.0:
+        bound = max(
+            _point_side(row, 0, frame, inside, reach_a, reach_b, a0, b0, c0, ea, eb, ec),
+            _point_side(row, 3, frame, inside, reach_a, reach_b, a1, b1, c1, ga, gb, gc),
+            _point_side(row, 6, frame, inside, reach_a, reach_b, a2, b2, c2, -fa, -fb, -fc),
+        )
+        towards = -(na * a0 + nb * b0 + nc * c0)
+        constant = frame.sign * nc
+        error = ma * reach_a + mb * reach_b + mc
+        error_q = ma * abs(a0) + mb * abs(b0) + mc * abs(c0)
+    else:
+        reach_a, reach_b = reach_a + reach, reach_b + reach
+        bound = max(
+            _parallel_side(
+                row, 0, frame, inside, reach_a, reach_b, light_a, light_b, light_c, x0, y0, ea, eb, ec
+            ),
+            _parallel_side(
+                row, 3, frame, inside, reach_a, reach_b, light_a, light_b, light_c, x1, y1, ga, gb, gc
+            ),
+            _parallel_side(
+                row, 6, frame, inside, reach_a, reach_b, light_a, light_b, light_c, x2, y2, -fa, -fb, -fc
+            ),
+        )
+        towards = (na * light_a + nb * light_b + nc * light_c) / abs(light_c)
+        constant = -(na * a0 + nb * b0 + nc * c0)
+        error = ma * reach_a + mb * reach_b + mc * reach
+        error_q = ma + mb + mc
+    row[BOUND_SIDES] = bound * 1.000001 + FLOAT_ERROR
+    constant = constant + na * frame.x0 + nb * frame.y0 + towards * frame.q0
+    na, nb, towards = na * frame.hx, nb * frame.hy, towards * frame.hq
+    size = abs(na) + abs(nb) + abs(constant)
+    if size == 0.0:
+        size = abs(towards) if towards != 0.0 else 1.0
+    factor = 1.0 / size
+    row[BOUND_PLANE] = 2.0**-49 * (error + error_q * reach_q) * factor * 1.000001 + FLOAT_ERROR
+    factor = inside * factor
+    row[9], row[10], row[11], row[12] = na * factor, nb * factor, constant * factor, towards * factor
+    return True

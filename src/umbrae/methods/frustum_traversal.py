@@ -13,14 +13,7 @@ it removes the false positives that four planes alone let through.
 import numpy as np
 
 from umbrae.geometry.predicates import EXACT, SHADOWED, facing, shadows
-from umbrae.methods.frustum_setup import (
-    BOUND_PLANE,
-    BOUND_SIDES,
-    FLOAT_ERROR,
-    ROW,
-    frustum_bounds,
-    frustum_planes,
-)
+from umbrae.methods.frustum_setup import BOUND_PLANE, BOUND_SIDES, FLOAT_ERROR, ROW, set_up_frustum
 from umbrae.methods.sample_tree import ARITY, DARK, LANES, QMAX, QMIN, XMAX, XMIN, YMAX, YMIN
 from umbrae.parallel import inline, kernel
 
@@ -30,7 +23,14 @@ BATCH = 1024
 MAX_DEPTH = 16
 
 (TILE_TESTS, SAMPLE_TESTS, ACCEPTS, REJECTS, FALLBACKS, EXACT_TESTS) = range(6)
-COUNTERS = ("tile_frustum_tests", "sample_frustum_tests", "accepts", "rejects", "fallbacks", "predicate_fallbacks")
+COUNTERS = (
+    "tile_frustum_tests",
+    "sample_frustum_tests",
+    "accepts",
+    "rejects",
+    "fallbacks",
+    "predicate_fallbacks",
+)
 
 
 @kernel
@@ -43,30 +43,17 @@ def facing_chunk(positions, triangles, light, start, stop, out):
 @inline
 def _set_up(positions, triangles, facing_of, casts, light, frame, box, root, start, stop, ids, rects, rows):
     """Set up the frusta of triangles `start` to `stop` whose bounds meet the root's box; returns how many."""
-    vertices = np.empty((3, 3))
-    rect = np.empty(5)
-    scratch = np.empty(6)
+    rect = np.empty(5, np.float32)
     count = 0
     for t in range(start, stop):
         if facing_of[t] == 0 or (len(casts) > 0 and not casts[t]):
             continue
-        for corner in range(3):
-            for axis in range(3):
-                vertices[corner, axis] = np.float64(positions[triangles[t, corner], axis]) - light[3] * light[axis]
-        frustum_bounds(vertices, light, frame, scratch, rect)
-        if (
-            rect[0] > box[XMAX, root]
-            or rect[1] < box[XMIN, root]
-            or rect[2] > box[YMAX, root]
-            or rect[3] < box[YMIN, root]
-            or rect[4] < box[QMIN, root]
-        ):
-            continue
-        for part in range(5):
-            rects[part, count] = rect[part]
-        frustum_planes(vertices, light, facing_of[t], frame, rows[count])
-        ids[count] = t
-        count += 1
+        i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        if set_up_frustum(positions, i, j, k, light, facing_of[t], frame, box, root, rect, rows[count]):
+            for part in range(5):
+                rects[part, count] = rect[part]
+            ids[count] = t
+            count += 1
     return count
 
 
@@ -89,7 +76,9 @@ def _against_box(row, xmin, xmax, ymin, ymax, qmin, qmax):
             inside = False
     a, b, c, d = row[9], row[10], row[11], row[12]
     cq, hq = half * (qmin + qmax), half * (qmax - qmin)
-    limit = np.float32(2.0) * (row[BOUND_PLANE] + np.float32(FLOAT_ERROR) * abs(d) * max(abs(qmin), abs(qmax)))
+    limit = np.float32(2.0) * (
+        row[BOUND_PLANE] + np.float32(FLOAT_ERROR) * abs(d) * max(abs(qmin), abs(qmax))
+    )
     middle = a * cx + b * cy + c + d * cq
     reach = abs(a) * hx + abs(b) * hy + abs(d) * hq
     if middle + reach < -limit:
@@ -133,7 +122,9 @@ def _leaf(
             low = e0 if e0 < e1 else e1
             low = e2 if e2 < low else low
             own = leaf_own[slot, lane]
-            hit = np.int32(low >= -sides) & np.int32(e3 >= -plane) & np.int32(own != t) & np.int32(own != DARK)
+            hit = (
+                np.int32(low >= -sides) & np.int32(e3 >= -plane) & np.int32(own != t) & np.int32(own != DARK)
+            )
             candidate[lane] = hit
             any_candidate |= hit
         if any_candidate == 0:
@@ -192,6 +183,19 @@ def _settle(
     return found
 
 
+@inline
+def _common_bounds(rects, listed, count, out):
+    """Bounds of a list of frusta."""
+    xmin, ymin = np.float32(np.inf), np.float32(np.inf)
+    xmax, ymax, qmax = np.float32(-np.inf), np.float32(-np.inf), np.float32(-np.inf)
+    for entry in range(count):
+        k = listed[entry]
+        xmin, xmax = min(xmin, rects[0, k]), max(xmax, rects[1, k])
+        ymin, ymax = min(ymin, rects[2, k]), max(ymax, rects[3, k])
+        qmax = max(qmax, rects[4, k])
+    out[0], out[1], out[2], out[3], out[4] = xmin, xmax, ymin, ymax, qmax
+
+
 @kernel
 def traverse_batch(
     positions, triangles, facing_of, casts, light, frame, start, stop,
@@ -213,7 +217,12 @@ def traverse_batch(
     if count == 0:
         return
     lists = np.empty((MAX_DEPTH, BATCH), np.int32)
-    counts, nodes, nexts = np.empty(MAX_DEPTH, np.int64), np.empty(MAX_DEPTH, np.int64), np.empty(MAX_DEPTH, np.int64)
+    counts, nodes, nexts = (
+        np.empty(MAX_DEPTH, np.int64),
+        np.empty(MAX_DEPTH, np.int64),
+        np.empty(MAX_DEPTH, np.int64),
+    )
+    common = np.empty((MAX_DEPTH, 5), np.float32)
     candidate = np.empty(LANES, np.int32)
     open_lane, open_id = np.empty(256, np.int32), np.empty(256, np.int32)
     point = np.empty(3)
@@ -222,6 +231,7 @@ def traverse_batch(
     # The root is visited as the only child of a place above it.
     depth = 0
     counts[0], nodes[0], nexts[0] = count, 0, 0
+    _common_bounds(rects, lists[0], count, common[0])
     while depth >= 0:
         below = top - depth  # level of the children
         first = level[below]
@@ -245,6 +255,17 @@ def traverse_batch(
         ymin, ymax = box[YMIN, node], box[YMAX, node]
         qmin, qmax = box[QMIN, node], box[QMAX, node]
         if xmin > xmax:
+            continue
+        # The list's common bounds first: neighbouring triangles mostly go the same way.
+        stats[TILE_TESTS] += 1
+        if (
+            common[depth, 0] > xmax
+            or common[depth, 1] < xmin
+            or common[depth, 2] > ymax
+            or common[depth, 3] < ymin
+            or common[depth, 4] < qmin
+        ):
+            stats[REJECTS] += 1
             continue
         here = lists[depth]
         there = lists[depth + 1]
@@ -294,6 +315,7 @@ def traverse_batch(
         else:
             depth += 1
             counts[depth], nodes[depth], nexts[depth] = kept, number, 0
+            _common_bounds(rects, there, kept, common[depth])
 
 
 @kernel

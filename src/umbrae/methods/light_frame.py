@@ -44,7 +44,9 @@ class LightFrame(NamedTuple):
 
 def light_frames(light: NDArray[np.float64], bounds: NDArray[np.float64]) -> list[LightFrame]:
     """The frames of a light `(4,)` over a box `(2, 3)` that holds all samples: one, or six for a point light."""
-    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    corners = np.array(
+        [[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    )
     if light[3] == 0.0:
         c = int(np.argmax(np.abs(light[:3])))
         a, b = (c + 1) % 3, (c + 2) % 3

@@ -93,7 +93,9 @@ def _ask(positions, triangles, t, light, point, magnitude, work):
     if abs(facing) <= e_facing:
         # Whatever the facing is, two side planes with sure and opposite signs leave the sample outside.
         outside = (ab > e_ab and bc < -e_bc) or (ab < -e_ab and bc > e_bc) or (ab > e_ab and ca < -e_ca)
-        outside = outside or (ab < -e_ab and ca > e_ca) or (bc > e_bc and ca < -e_ca) or (bc < -e_bc and ca > e_ca)
+        outside = (
+            outside or (ab < -e_ab and ca > e_ca) or (bc > e_bc and ca < -e_ca) or (bc < -e_bc and ca > e_ca)
+        )
         return -1 if outside else 0
     if facing < 0.0:
         ab, bc, ca, volume = -ab, -bc, -ca, -volume

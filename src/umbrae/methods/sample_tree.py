@@ -23,6 +23,9 @@ LANES = 16
 ARITY = 8
 """Children per node."""
 
+SPARE = 2
+"""Slots per tile beyond one for each light frame: for samples of unsure direction, and for splitting."""
+
 DARK = -2
 """In `Leaves.own`: this lane needs no more tests (in shadow, or padding)."""
 
@@ -77,7 +80,7 @@ def build(
     """
     height, width, order = _layout(samples)
     tiles = len(order) // LANES if len(order) else (-(-height // 4)) * (-(-width // 4))
-    room = tiles * max(2, len(frames))
+    room = tiles * (len(frames) + SPARE)
     leaves = Leaves(
         *(np.empty((room, LANES), np.float32) for _ in range(3)),
         *(np.empty((room, LANES), np.int32) for _ in range(2)),
@@ -166,15 +169,56 @@ def _curve(x, y):
     return _interleave(i) | _interleave(j) << 1
 
 
+@inline
+def _choose(x, y, dx, frame, lanes, may_split, chosen):
+    """Mark the lanes that go into one leaf with the first: same frame, and on the same side of any wide gap.
+
+    A tile across an outline has one part here and another far away in the light's view; a box around both would meet
+    all frusta in between. The lanes nearer to the first than to the one farthest from it are a leaf of their own when
+    the two boxes together have less than a quarter of the area of the one around all.
+    """
+    unsure = dx[0] == np.inf
+    for lane in range(lanes):
+        chosen[lane] = frame[lane] == frame[0] and (dx[lane] == np.inf) == unsure
+    while may_split and not unsure:
+        farthest, distance = 0, 0.0
+        for lane in range(1, lanes):
+            apart = max(abs(x[lane] - x[0]), abs(y[lane] - y[0]))
+            if chosen[lane] and apart > distance:
+                farthest, distance = lane, apart
+        near_x0, near_x1, near_y0, near_y1 = x[0], x[0], y[0], y[0]
+        far_x0, far_x1, far_y0, far_y1 = x[farthest], x[farthest], y[farthest], y[farthest]
+        for lane in range(1, lanes):
+            if chosen[lane]:
+                apart = max(abs(x[lane] - x[0]), abs(y[lane] - y[0]))
+                if apart <= max(abs(x[lane] - x[farthest]), abs(y[lane] - y[farthest])):
+                    near_x0, near_x1 = min(near_x0, x[lane]), max(near_x1, x[lane])
+                    near_y0, near_y1 = min(near_y0, y[lane]), max(near_y1, y[lane])
+                else:
+                    far_x0, far_x1 = min(far_x0, x[lane]), max(far_x1, x[lane])
+                    far_y0, far_y1 = min(far_y0, y[lane]), max(far_y1, y[lane])
+        parts = (near_x1 - near_x0) * (near_y1 - near_y0) + (far_x1 - far_x0) * (far_y1 - far_y0)
+        width, height = (
+            max(near_x1, far_x1) - min(near_x0, far_x0),
+            max(near_y1, far_y1) - min(near_y0, far_y0),
+        )
+        if not 4.0 * parts < width * height:
+            return
+        for lane in range(1, lanes):
+            apart = max(abs(x[lane] - x[0]), abs(y[lane] - y[0]))
+            if apart > max(abs(x[lane] - x[farthest]), abs(y[lane] - y[farthest])):
+                chosen[lane] = False
+
+
 @kernel
 def cluster_tiles(
     triangle, side, position, covered, facing, light, frames, height, width, order, start, stop,
     leaf_x, leaf_y, leaf_q, leaf_own, leaf_index, leaf_slack, leaf_box, leaf_key, in_shadow,
 ):  # fmt: skip
-    """Turn tiles `start` to `stop` into leaves, one per light frame a tile's samples lie in.
+    """Turn tiles `start` to `stop` into leaves, one or more per light frame that a tile's samples lie in.
 
-    A sample so near a point light that its direction is unsure gets a leaf of its own with an infinite slack: the
-    exact predicate will decide it against every triangle.
+    Samples so near a point light that their direction is unsure get a leaf with an infinite slack: the exact
+    predicate will decide them against every triangle.
     """
     directional = light[3] == 0.0
     count = len(frames)
@@ -182,7 +226,9 @@ def cluster_tiles(
     tile_x, tile_y, tile_q = np.empty(LANES), np.empty(LANES), np.empty(LANES)
     tile_dx, tile_dq = np.empty(LANES), np.empty(LANES)
     tile_frame, tile_index = np.empty(LANES, np.int64), np.empty(LANES, np.int64)
-    slot = start * max(2, count)
+    chosen = np.empty(LANES, np.bool_)
+    room = count + SPARE
+    slot = start * room
     for tile in range(start, stop):
         lanes = 0
         for lane in range(LANES):
@@ -202,7 +248,9 @@ def cluster_tiles(
             if own >= 0 and side[index] * facing[own] < 0:
                 in_shadow[index] = True
                 continue
-            largest = np.float64(max(abs(position[index, 0]), abs(position[index, 1]), abs(position[index, 2])))
+            largest = np.float64(
+                max(abs(position[index, 0]), abs(position[index, 1]), abs(position[index, 2]))
+            )
             error = POSITION_ERROR * largest if own >= 0 else 0.0
             px = np.float64(position[index, 0]) - light[3] * light[0]
             py = np.float64(position[index, 1]) - light[3] * light[1]
@@ -215,7 +263,11 @@ def cluster_tiles(
                     frame = 2 if py >= 0.0 else 3
                 else:
                     frame = 4 if pz >= 0.0 else 5
-            axis_a, axis_b, axis_c = np.int64(frames[frame, 0]), np.int64(frames[frame, 1]), np.int64(frames[frame, 2])
+            axis_a, axis_b, axis_c = (
+                np.int64(frames[frame, 0]),
+                np.int64(frames[frame, 1]),
+                np.int64(frames[frame, 2]),
+            )
             pa = px if axis_a == 0 else py if axis_a == 1 else pz
             pb = px if axis_b == 0 else py if axis_b == 1 else pz
             pc = px if axis_c == 0 else py if axis_c == 1 else pz
@@ -240,14 +292,15 @@ def cluster_tiles(
                     dq = 1.01 * error * q * q
             tile_x[lanes], tile_y[lanes], tile_q[lanes] = (x - x0) / hx, (y - y0) / hy, (q - q0) / hq
             # 2**-50 covers the rounding of the division and of the window.
-            tile_dx[lanes] = max((dx + 2.0**-50 * (abs(x0) + abs(x))) / hx, (dx + 2.0**-50 * (abs(y0) + abs(y))) / hy)
+            tile_dx[lanes] = max(
+                (dx + 2.0**-50 * (abs(x0) + abs(x))) / hx, (dx + 2.0**-50 * (abs(y0) + abs(y))) / hy
+            )
             tile_dq[lanes] = (dq + 2.0**-50 * (abs(q0) + abs(q))) / hq
             tile_frame[lanes], tile_index[lanes] = frame, index
             lanes += 1
         while lanes > 0:
-            # One leaf of all lanes that share the first one's frame; a sample of unsure direction stays alone.
+            _choose(tile_x, tile_y, tile_dx, tile_frame, lanes, slot + count + 1 < (tile + 1) * room, chosen)
             frame = tile_frame[0]
-            alone = tile_dx[0] == np.inf
             filled = 0
             left = 0
             slack_x, slack_q = np.float32(0.0), np.float32(0.0)
@@ -256,13 +309,15 @@ def cluster_tiles(
             qmin, qmax = np.float32(np.inf), np.float32(-np.inf)
             for lane in range(lanes):
                 x, y, q = np.float32(tile_x[lane]), np.float32(tile_y[lane]), np.float32(tile_q[lane])
-                if tile_frame[lane] == frame and (lane == 0 or not (alone or tile_dx[lane] == np.inf)):
+                if chosen[lane]:
                     leaf_x[slot, filled], leaf_y[slot, filled], leaf_q[slot, filled] = x, y, q
                     leaf_index[slot, filled] = tile_index[lane]
                     leaf_own[slot, filled] = triangle[tile_index[lane]]
                     # Rounded up to float32, and 2**-24 of the coordinate for its own rounding (q may exceed 1).
                     slack_x = max(slack_x, np.float32(tile_dx[lane] * 1.000001 + 2.0**-24))
-                    slack_q = max(slack_q, np.float32(tile_dq[lane] * 1.000001 + 2.0**-24 * abs(tile_q[lane])))
+                    slack_q = max(
+                        slack_q, np.float32(tile_dq[lane] * 1.000001 + 2.0**-24 * abs(tile_q[lane]))
+                    )
                     xmin, xmax = min(xmin, x), max(xmax, x)
                     ymin, ymax = min(ymin, y), max(ymax, y)
                     qmin, qmax = min(qmin, q), max(qmax, q)
@@ -288,5 +343,5 @@ def cluster_tiles(
             leaf_key[slot] = frame << 40 | _curve(0.5 * (xmin + xmax), 0.5 * (ymin + ymax))
             slot += 1
             lanes = left
-    for unused in range(slot, stop * max(2, count)):
+    for unused in range(slot, stop * room):
         leaf_key[unused] = -1

@@ -1,0 +1,75 @@
+"""Which parts of a soup are solids: closed, consistently wound, and wound outwards."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae.geometry.edges import edges, weld
+from umbrae.parallel import kernel
+
+
+class Solids(NamedTuple):
+    """`of` `(t,) int32`: the solid each triangle belongs to, or -1; `lower`, `upper` `(s, 3) float64` their bounds."""
+
+    of: NDArray[np.int32]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+
+
+def find_solids(
+    positions: NDArray[np.float32], triangles: NDArray[np.int32], allowed: NDArray[np.bool_]
+) -> Solids:
+    """Connected parts (over edges, by position) that enclose a volume.
+
+    A part is a solid when every edge is run as often in one direction as in the other, its signed volume is positive,
+    and all its triangles are `allowed (t,)`.
+    """
+    count = len(triangles)
+    part = np.arange(count, dtype=np.int32)
+    topology = edges(weld(positions)[triangles])
+    join_over_edges(topology.offsets, topology.triangle, part)
+    _, part = np.unique(part, return_inverse=True)
+    parts = int(part.max(initial=-1)) + 1
+    solid = np.ones(parts, bool)
+    solid[part[~allowed]] = False
+    solid[part[topology.degenerate]] = False
+    owner = topology.triangle[topology.offsets[:-1]]
+    solid[part[owner[topology.balance != 0]]] = False
+
+    corners = positions.astype(np.float64)[triangles]
+    low, high = np.full((parts, 3), np.inf), np.full((parts, 3), -np.inf)
+    for corner in range(3):
+        np.minimum.at(low, part, corners[:, corner])
+        np.maximum.at(high, part, corners[:, corner])
+    relative = corners - ((low + high) / 2)[part][:, None, :]
+    volume = np.bincount(part, np.linalg.det(relative) / 6.0, parts)
+    # A millionth of the box is far above rounding; thinner solids are not worth the doubt.
+    solid &= volume > 1e-6 * np.prod(high - low, axis=1)
+    number = np.where(solid, np.cumsum(solid) - 1, -1).astype(np.int32)
+    return Solids(number[part], low[solid], high[solid])
+
+
+@kernel
+def join_over_edges(offsets, triangle, part):
+    """Union-find: `part[t]` becomes the lowest triangle connected to t over edges."""
+    for edge in range(len(offsets) - 1):
+        first = triangle[offsets[edge]]
+        while part[first] != first:
+            part[first] = part[part[first]]
+            first = part[first]
+        for entry in range(offsets[edge] + 1, offsets[edge + 1]):
+            other = triangle[entry]
+            while part[other] != other:
+                part[other] = part[part[other]]
+                other = part[other]
+            if other < first:
+                part[first] = other
+                first = other
+            else:
+                part[other] = first
+    for t in range(len(part)):
+        root = part[t]
+        while part[root] != root:
+            root = part[root]
+        part[t] = root
