@@ -187,7 +187,7 @@ BAD = {
     "render roof.glb --up 0,0,0": "'--up': wanted a vector that is not zero",
     "render roof.glb --fov 180": "wanted degrees between 0 and 180, got 180",
     "render roof.glb --eye 1,2,3 --target 1,2,3": "eye and target are the same point",
-    "render roof.glb --method frustrum": "unknown method 'frustrum'; did you mean 'frustum'? (known: oracle, ",
+    "render roof.glb --method frustrum": "unknown method 'frustrum'; did you mean 'frustum'? (known: oracle",
     "render roof.glb --samples-per-pixel 0": "'--samples-per-pixel'",
     "render roof.glb -o nowhere/out.png": "nowhere/out.png: no such folder",
     "render roof.glb -o out.xyz": "out.xyz: unknown extension '.xyz'",

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -310,7 +311,9 @@ def _compile_kernels(method: um.Method, samples_per_pixel: int, clock: Clock) ->
     start = time.perf_counter()
     with clock.span("compile kernels"):
         corners = [(-1, 0, 1), (1, 0, 1), (0, 0, -1), (-1, 1, 1), (1, 1, 1), (0, 1, -1)]
-        tiny = um.Scene(corners, [(0, 1, 2), (3, 4, 5)])
+        leaf = um.Material(alpha_mode="MASK", texture=np.full((2, 2, 4), 255, np.uint8))
+        up, flat = [(0, 1, 0)] * 6, [(0, 0)] * 6
+        tiny = um.Scene(corners, [(0, 1, 2), (3, 4, 5)], [leaf], normals=up, uv=flat)
         camera = um.Camera.frame(tiny, width=16, height=16)
         um.render(tiny, camera, [um.Light.sun(120, 60)], method=method, samples_per_pixel=samples_per_pixel)
     if time.perf_counter() - start > 3.0 and isinstance(clock, ConsoleClock):
