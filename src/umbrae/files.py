@@ -1,0 +1,228 @@
+"""Reading and writing of models, pictures and arrays: the only place that touches files."""
+
+import os
+import secrets
+import stat
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as PillowImage
+
+from umbrae.clock import Clock
+from umbrae.errors import CapacityError, InputError, ModelError, OutputError
+from umbrae.formats.glb import write_glb
+from umbrae.formats.gltf import read_gltf
+from umbrae.formats.meshes import read_ply, read_stl, scene_from_trimesh, write_simple
+from umbrae.formats.obj import read_obj, write_obj
+from umbrae.formats.resources import Folder
+from umbrae.scene import Scene
+
+__all__ = [
+    "IMAGES",
+    "MODELS",
+    "check_writable",
+    "load",
+    "save",
+    "save_arrays",
+    "save_image",
+    "scene_from_trimesh",
+]
+
+AnyPath = str | os.PathLike[str]
+
+_READERS: dict[str, Callable[[bytes, Folder], Scene]] = {
+    ".glb": read_gltf,
+    ".gltf": read_gltf,
+    ".obj": read_obj,
+    ".ply": read_ply,
+    ".stl": read_stl,
+}
+_WRITERS: dict[str, Callable[[Scene], bytes]] = {
+    ".glb": write_glb,
+    ".obj": write_obj,
+    ".ply": lambda scene: write_simple(scene, "ply"),
+    ".stl": lambda scene: write_simple(scene, "stl"),
+}
+_IMAGES = {
+    ".png": "PNG",
+    ".jpg": "JPEG",
+    ".jpeg": "JPEG",
+    ".webp": "WEBP",
+    ".tif": "TIFF",
+    ".tiff": "TIFF",
+    ".bmp": "BMP",
+}
+
+MODELS = tuple(_WRITERS)
+"""Extensions of models that `save` writes."""
+IMAGES = tuple(_IMAGES)
+"""Extensions of pictures that `save_image` writes."""
+
+
+def load(path: AnyPath, clock: Clock | None = None) -> Scene:
+    """Read a model: glTF, GLB, OBJ, PLY or STL.
+
+    Parameters
+    ----------
+    path
+        The file. Buffers, pictures and material libraries it names must lie in its folder or below.
+    clock
+        Hears the span "load".
+
+    Raises
+    ------
+    ModelError
+        For a file that is missing, unreadable, malformed, or without triangles.
+    CapacityError
+        For a model that would not fit into memory.
+
+    Warns
+    -----
+    RecentredWarning
+        When coordinates far from zero were moved to the scene's own origin.
+    UserWarning
+        When a material library of an OBJ file is missing; its materials are then grey.
+    """
+    file = Path(path)
+    with (clock or Clock()).span("load"), np.errstate(all="ignore"):
+        reader = _READERS.get(file.suffix.lower())
+        # Unlike those of Path, these are also false for a path that cannot be.
+        if not os.path.exists(file):
+            raise ModelError(f"{file}: no such file")
+        if not os.path.isfile(file):
+            raise ModelError(f"{file}: is not a file")
+        if reader is None:
+            raise ModelError(f"{file}: unknown extension {file.suffix!r}, wanted one of {' '.join(_READERS)}")
+        try:
+            data = file.read_bytes()
+        except OSError as error:
+            raise ModelError(f"{file}: cannot be read: {error.strerror}") from error
+        if not data:
+            raise ModelError(f"{file}: is empty")
+        try:
+            return reader(data, Folder(file.parent))
+        except UserWarning:
+            # One of the two above, made an error by the caller.
+            raise
+        except InputError as error:
+            raise ModelError(f"{file}: {error}") from error
+        except CapacityError as error:
+            raise CapacityError(f"{file}: {error}") from error
+        except MemoryError as error:
+            raise CapacityError(f"{file}: does not fit into memory") from error
+        except Exception as error:
+            raise ModelError(f"{file}: malformed ({type(error).__name__}: {_line(error)})") from error
+
+
+def save(scene: Scene, path: AnyPath) -> None:
+    """Write a model, whole or not at all; the extension chooses among GLB, OBJ, PLY and STL.
+
+    GLB keeps everything, triangles sorted by object and material, in world coordinates. OBJ, PLY and STL hold
+    positions and triangles only, in the scene's own coordinates.
+
+    Raises
+    ------
+    OutputError
+        For an unknown extension or a path that cannot be written.
+    """
+    check_writable(path, MODELS)
+    data = _WRITERS[Path(path).suffix.lower()](scene)
+    with _whole(path) as stream:
+        stream.write(data)
+
+
+def save_image(path: AnyPath, pixels: NDArray[Any]) -> None:
+    """Write a picture, whole or not at all; the extension chooses the format.
+
+    Parameters
+    ----------
+    pixels
+        `(h, w, 3) uint8`, or one channel: `(h, w) uint8`, or `(h, w) bool` for a mask (white is true).
+
+    Raises
+    ------
+    OutputError
+        For an unknown extension or a path that cannot be written.
+    """
+    check_writable(path, IMAGES)
+    values = pixels.astype(np.uint8) * np.uint8(255) if pixels.dtype == bool else pixels
+    if values.dtype != np.uint8 or not (values.ndim == 2 or (values.ndim == 3 and values.shape[2] == 3)):
+        raise InputError(
+            f"save_image: wanted (h, w, 3) or (h, w) uint8 or bool, got {pixels.shape} {pixels.dtype}"
+        )
+    kind = _IMAGES[Path(path).suffix.lower()]
+    options = {"quality": 95} if kind in ("JPEG", "WEBP") else {}
+    with _whole(path) as stream:
+        try:
+            PillowImage.fromarray(values).save(stream, kind, **options)
+        except (ValueError, SystemError) as error:
+            raise OutputError(f"{path}: cannot be written as {kind}: {_line(error)}") from error
+
+
+def save_arrays(path: AnyPath, **arrays: NDArray[Any]) -> None:
+    """Write arrays as `.npz`, whole or not at all, not compressed.
+
+    Raises
+    ------
+    OutputError
+        For another extension or a path that cannot be written.
+    """
+    check_writable(path, (".npz",))
+    with _whole(path) as stream:
+        np.savez(stream, allow_pickle=False, **arrays)
+
+
+def check_writable(path: AnyPath, extensions: Collection[str] = ()) -> None:
+    """Refuse a path that cannot be written, before the work for it starts.
+
+    Parameters
+    ----------
+    extensions
+        Those that are allowed, such as `IMAGES`; any if empty.
+
+    Raises
+    ------
+    OutputError
+        For a folder that is missing or not writable, a path that is no ordinary file, or another extension.
+    """
+    file = Path(path)
+    if extensions and file.suffix.lower() not in extensions:
+        raise OutputError(f"{file}: unknown extension {file.suffix!r}, wanted one of {' '.join(extensions)}")
+    try:
+        folder = Path(os.path.realpath(file)).parent
+        if not folder.is_dir():
+            raise OutputError(f"{file}: no such folder: {folder}")
+        if file.is_dir():
+            raise OutputError(f"{file}: is a folder")
+        if file.exists() and not (stat.S_ISREG(file.stat().st_mode) and os.access(file, os.W_OK)):
+            raise OutputError(f"{file}: cannot be overwritten")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise OutputError(f"{file}: the folder {folder} is not writable")
+    except (OSError, ValueError) as error:
+        if isinstance(error, OutputError):
+            raise
+        raise OutputError(f"{file}: cannot be written: {_line(error)}") from error
+
+
+@contextmanager
+def _whole(path: AnyPath) -> Iterator[BinaryIO]:
+    """A stream whose content appears at the path when all of it was written, and leaves nothing otherwise."""
+    # Through a link to what it points to, as opening the path would.
+    file = Path(os.path.realpath(path))
+    part = file.with_name(f".{file.name[:100]}.{secrets.token_hex(6)}.part")
+    try:
+        with open(part, "xb") as stream:
+            yield stream
+        os.replace(part, file)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror or _line(error)}") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split())[:120]
