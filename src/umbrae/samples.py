@@ -122,6 +122,18 @@ class ViewSamples:
             covered=np.ones(own.shape, bool),
         )
 
+    def rows(self, start: int, stop: int) -> "ViewSamples":
+        """Rows `start` to `stop` of the first axis: a band of an image, a part of a list."""
+        return ViewSamples(
+            triangle=self.triangle[start:stop],
+            barycentric=self.barycentric[start:stop],
+            side=self.side[start:stop],
+            position=self.position[start:stop],
+            covered=self.covered[start:stop],
+            depth=None if self.depth is None else self.depth[start:stop],
+            camera=self.camera,
+        )
+
     def take(self, index: NDArray[np.intp]) -> "ViewSamples":
         """The samples at flat indices `(n,)`, as a list."""
         return ViewSamples(

@@ -20,6 +20,9 @@ from umbrae.scene import Scene
 
 _FACING_CHUNK = 16384
 
+BLOCK = 1 << 23
+"""Samples per hierarchy: a 3840 x 2160 picture is one block; larger ones go band by band to bound the memory."""
+
 
 @dataclass(frozen=True)
 class Frustum(Method):
@@ -76,17 +79,33 @@ class FrustumCaster(Caster):
             source = light.position.astype(np.float64)
             with clock.span("facing"):
                 facing = self._facing(source, clock)
-            with clock.span("hierarchy"):
-                frames = light_frames(source, self._bounds_with(samples))
-                leaves, trees = sample_tree.build(samples, facing, source, frames, in_shadow, clock)
-            with clock.span("traversal"):
-                stats = self._traverse(source, samples, facing, frames, leaves, trees, clock)
-            with clock.span("merge"):
-                for tree in trees:
-                    if tree is not None:
-                        merge(tree.level, tree.slot, tree.full, leaves.own, leaves.index, in_shadow)
+            width = samples.size // samples.shape[0]
+            step = max(4, BLOCK // width // 4 * 4)
+            for start in range(0, samples.shape[0], step):
+                block = samples.rows(start, start + step)
+                part = in_shadow[start * width : (start + step) * width]
+                stats += self._shadow_block(source, block, facing, part, clock)
         counters = dict(zip(COUNTERS, (int(n) for n in stats), strict=True))
         return ShadowMask(in_shadow.reshape(samples.shape), Guarantee.EXACT, stats=counters)
+
+    def _shadow_block(
+        self,
+        source: NDArray[np.float64],
+        samples: ViewSamples,
+        facing: NDArray[np.int8],
+        in_shadow: NDArray[np.bool_],
+        clock: Clock,
+    ) -> NDArray[np.int64]:
+        with clock.span("hierarchy"):
+            frames = light_frames(source, self._bounds_with(samples))
+            leaves, trees = sample_tree.build(samples, facing, source, frames, in_shadow, clock)
+        with clock.span("traversal"):
+            stats = self._traverse(source, samples, facing, frames, leaves, trees, clock)
+        with clock.span("merge"):
+            for tree in trees:
+                if tree is not None:
+                    merge(tree.level, tree.slot, tree.full, leaves.own, leaves.sample, in_shadow)
+        return stats
 
     def _facing(self, source: NDArray[np.float64], clock: Clock) -> NDArray[np.int8]:
         count = len(self.scene.triangles)
@@ -134,7 +153,7 @@ class FrustumCaster(Caster):
             traverse_batch(
                 self.scene.positions, self.scene.triangles, facing, casts, source, frame,
                 start, min(start + BATCH, count), tree.box, tree.level, tree.slot, tree.full,
-                leaves.x, leaves.y, leaves.q, leaves.own, leaves.index, leaves.slack, leaves.box, *raw, stats,
+                leaves.x, leaves.y, leaves.q, leaves.own, leaves.sample, leaves.slack, leaves.box, *raw, stats,
             )  # fmt: skip
             return stats
 
@@ -142,9 +161,7 @@ class FrustumCaster(Caster):
             return np.zeros(len(COUNTERS), np.int64)
         return np.sum(run(task, batches * len(active), clock), axis=0, dtype=np.int64)
 
-    def _casts(
-        self, source: NDArray[np.float64], samples: ViewSamples, facing: NDArray[np.int8]
-    ) -> NDArray[np.bool_]:
+    def _casts(self, source: NDArray[np.float64], samples: ViewSamples, facing: NDArray[np.int8]) -> NDArray[np.bool_]:
         """`(t,)` which triangles cast; empty when all do."""
         if self.solids is None or samples.camera is None or len(self.solids.lower) == 0:
             return np.zeros(0, bool)

@@ -146,15 +146,9 @@ def set_up_frustum(positions, i, j, k, light, facing, frame, box, root, rect, ro
     else:
         reach_a, reach_b = reach_a + reach, reach_b + reach
         bound = max(
-            _parallel_side(
-                row, 0, frame, inside, reach_a, reach_b, light_a, light_b, light_c, x0, y0, ea, eb, ec
-            ),
-            _parallel_side(
-                row, 3, frame, inside, reach_a, reach_b, light_a, light_b, light_c, x1, y1, ga, gb, gc
-            ),
-            _parallel_side(
-                row, 6, frame, inside, reach_a, reach_b, light_a, light_b, light_c, x2, y2, -fa, -fb, -fc
-            ),
+            _parallel_side(row, 0, frame, inside, reach_a, reach_b, light_a, light_b, light_c, x0, y0, ea, eb, ec),
+            _parallel_side(row, 3, frame, inside, reach_a, reach_b, light_a, light_b, light_c, x1, y1, ga, gb, gc),
+            _parallel_side(row, 6, frame, inside, reach_a, reach_b, light_a, light_b, light_c, x2, y2, -fa, -fb, -fc),
         )
         towards = (na * light_a + nb * light_b + nc * light_c) / abs(light_c)
         constant = -(na * a0 + nb * b0 + nc * c0)

@@ -14,7 +14,8 @@ import numpy as np
 
 from umbrae.geometry.predicates import EXACT, SHADOWED, facing, shadows
 from umbrae.methods.frustum_setup import BOUND_PLANE, BOUND_SIDES, FLOAT_ERROR, ROW, set_up_frustum
-from umbrae.methods.sample_tree import ARITY, DARK, LANES, QMAX, QMIN, XMAX, XMIN, YMAX, YMIN
+from umbrae.methods.sample_clusters import DARK, LANES
+from umbrae.methods.sample_tree import ARITY, QMAX, QMIN, XMAX, XMIN, YMAX, YMIN
 from umbrae.parallel import inline, kernel
 
 BATCH = 1024
@@ -76,9 +77,7 @@ def _against_box(row, xmin, xmax, ymin, ymax, qmin, qmax):
             inside = False
     a, b, c, d = row[9], row[10], row[11], row[12]
     cq, hq = half * (qmin + qmax), half * (qmax - qmin)
-    limit = np.float32(2.0) * (
-        row[BOUND_PLANE] + np.float32(FLOAT_ERROR) * abs(d) * max(abs(qmin), abs(qmax))
-    )
+    limit = np.float32(2.0) * (row[BOUND_PLANE] + np.float32(FLOAT_ERROR) * abs(d) * max(abs(qmin), abs(qmax)))
     middle = a * cx + b * cy + c + d * cq
     reach = abs(a) * hx + abs(b) * hy + abs(d) * hq
     if middle + reach < -limit:
@@ -90,7 +89,7 @@ def _against_box(row, xmin, xmax, ymin, ymax, qmin, qmax):
 
 @inline
 def _leaf(
-    slot, listed, count, ids, rows, leaf_x, leaf_y, leaf_q, leaf_own, leaf_index, leaf_slack, leaf_box,
+    slot, listed, count, ids, rows, leaf_x, leaf_y, leaf_q, leaf_own, leaf_sample, leaf_slack, leaf_box,
     positions, triangles, facing_of, light, barycentric, side, position, point, candidate, open_lane, open_id, stats,
 ):  # fmt: skip
     """Test the samples of a leaf against a list of frusta; returns whether all of them are in shadow now."""
@@ -122,9 +121,7 @@ def _leaf(
             low = e0 if e0 < e1 else e1
             low = e2 if e2 < low else low
             own = leaf_own[slot, lane]
-            hit = (
-                np.int32(low >= -sides) & np.int32(e3 >= -plane) & np.int32(own != t) & np.int32(own != DARK)
-            )
+            hit = np.int32(low >= -sides) & np.int32(e3 >= -plane) & np.int32(own != t) & np.int32(own != DARK)
             candidate[lane] = hit
             any_candidate |= hit
         if any_candidate == 0:
@@ -140,7 +137,7 @@ def _leaf(
             else:
                 if open_count == len(open_lane):
                     lit -= _settle(
-                        slot, open_lane, open_id, open_count, leaf_own, leaf_index, positions, triangles, facing_of,
+                        slot, open_lane, open_id, open_count, leaf_own, leaf_sample, positions, triangles, facing_of,
                         light, barycentric, side, position, point, stats,
                     )  # fmt: skip
                     open_count = 0
@@ -149,7 +146,7 @@ def _leaf(
         if lit <= 0:
             return True
     lit -= _settle(
-        slot, open_lane, open_id, open_count, leaf_own, leaf_index, positions, triangles, facing_of,
+        slot, open_lane, open_id, open_count, leaf_own, leaf_sample, positions, triangles, facing_of,
         light, barycentric, side, position, point, stats,
     )  # fmt: skip
     return lit <= 0
@@ -157,7 +154,7 @@ def _leaf(
 
 @inline
 def _settle(
-    slot, open_lane, open_id, open_count, leaf_own, leaf_index, positions, triangles, facing_of, light,
+    slot, open_lane, open_id, open_count, leaf_own, leaf_sample, positions, triangles, facing_of, light,
     barycentric, side, position, point, stats,
 ):  # fmt: skip
     """Ask the predicate about the pairs that float32 left open and nothing else has shadowed; returns the new ones."""
@@ -167,7 +164,7 @@ def _settle(
         own = leaf_own[slot, lane]
         if own == DARK:
             continue
-        index = leaf_index[slot, lane]
+        index = leaf_sample[slot, lane]
         for axis in range(3):
             point[axis] = position[index, axis]
         answer = shadows(
@@ -200,7 +197,7 @@ def _common_bounds(rects, listed, count, out):
 def traverse_batch(
     positions, triangles, facing_of, casts, light, frame, start, stop,
     box, level, slots, full,
-    leaf_x, leaf_y, leaf_q, leaf_own, leaf_index, leaf_slack, leaf_box,
+    leaf_x, leaf_y, leaf_q, leaf_own, leaf_sample, leaf_slack, leaf_box,
     barycentric, side, position, stats,
 ):  # fmt: skip
     """Rasterize the frusta of triangles `start` to `stop` over one sample tree."""
@@ -211,9 +208,7 @@ def traverse_batch(
     ids = np.empty(BATCH, np.int32)
     rects = np.empty((5, BATCH), np.float32)
     rows = np.empty((BATCH, ROW), np.float32)
-    count = _set_up(
-        positions, triangles, facing_of, casts, light, frame, box, root, start, stop, ids, rects, rows
-    )
+    count = _set_up(positions, triangles, facing_of, casts, light, frame, box, root, start, stop, ids, rects, rows)
     if count == 0:
         return
     lists = np.empty((MAX_DEPTH, BATCH), np.int32)
@@ -307,7 +302,7 @@ def traverse_batch(
             continue
         if below == 0:
             if _leaf(
-                slots[number], there, kept, ids, rows, leaf_x, leaf_y, leaf_q, leaf_own, leaf_index, leaf_slack,
+                slots[number], there, kept, ids, rows, leaf_x, leaf_y, leaf_q, leaf_own, leaf_sample, leaf_slack,
                 leaf_box, positions, triangles, facing_of, light, barycentric, side, position, point, candidate,
                 open_lane, open_id, stats,
             ):  # fmt: skip
@@ -319,7 +314,7 @@ def traverse_batch(
 
 
 @kernel
-def merge(level, slots, full, leaf_own, leaf_index, in_shadow):
+def merge(level, slots, full, leaf_own, leaf_sample, in_shadow):
     """Hand every full node's verdict down to its samples and write them out (the paper's merge, section 3.1)."""
     for depth in range(len(level) - 2, 0, -1):
         for number in range(level[depth + 1] - level[depth]):
@@ -331,5 +326,5 @@ def merge(level, slots, full, leaf_own, leaf_index, in_shadow):
     for number in range(len(slots)):
         slot = slots[number]
         for lane in range(LANES):
-            if leaf_index[slot, lane] >= 0 and (full[number] or leaf_own[slot, lane] == DARK):
-                in_shadow[leaf_index[slot, lane]] = True
+            if leaf_sample[slot, lane] >= 0 and (full[number] or leaf_own[slot, lane] == DARK):
+                in_shadow[leaf_sample[slot, lane]] = True

@@ -41,12 +41,18 @@ class LightFrame(NamedTuple):
     hy: float
     hq: float
 
+    def row(self) -> tuple[float, ...]:
+        """What `sample_clusters` needs, in the order of `AXIS_C ... SCALE_Q`."""
+        place = (self.axis_c, self.sign, self.slope_a, self.slope_b, self.x0, self.y0, self.q0)
+        return (*place, 1.0 / self.hx, 1.0 / self.hy, 1.0 / self.hq)
+
+
+AXIS_C, SIGN, SLOPE_A, SLOPE_B, X0, Y0, Q0, SCALE_X, SCALE_Y, SCALE_Q = range(10)
+
 
 def light_frames(light: NDArray[np.float64], bounds: NDArray[np.float64]) -> list[LightFrame]:
     """The frames of a light `(4,)` over a box `(2, 3)` that holds all samples: one, or six for a point light."""
-    corners = np.array(
-        [[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
-    )
+    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     if light[3] == 0.0:
         c = int(np.argmax(np.abs(light[:3])))
         a, b = (c + 1) % 3, (c + 2) % 3

@@ -78,9 +78,7 @@ class OracleCaster(Caster):
                         verdict[sample] = exact.shades(flat, int(sample), int(triangle))
         in_shadow = np.zeros(samples.size, bool)
         in_shadow[samples.covered.reshape(-1)] = verdict != 0
-        return ShadowMask(
-            in_shadow.reshape(samples.shape), Guarantee.EXACT, stats={"predicate_fallbacks": asked}
-        )
+        return ShadowMask(in_shadow.reshape(samples.shape), Guarantee.EXACT, stats={"predicate_fallbacks": asked})
 
     def margin(
         self, light: Light, samples: ViewSamples, in_shadow: NDArray[np.bool_], clock: Clock | None = None

@@ -42,11 +42,7 @@ def _place(positions, triangles, triangle, barycentric, free, sample, point):
 
 @inline
 def _triple(x, y, z):
-    return (
-        x[0] * (y[1] * z[2] - y[2] * z[1])
-        + x[1] * (y[2] * z[0] - y[0] * z[2])
-        + x[2] * (y[0] * z[1] - y[1] * z[0])
-    )
+    return x[0] * (y[1] * z[2] - y[2] * z[1]) + x[1] * (y[2] * z[0] - y[0] * z[2]) + x[2] * (y[0] * z[1] - y[1] * z[0])
 
 
 @inline
@@ -93,9 +89,7 @@ def _ask(positions, triangles, t, light, point, magnitude, work):
     if abs(facing) <= e_facing:
         # Whatever the facing is, two side planes with sure and opposite signs leave the sample outside.
         outside = (ab > e_ab and bc < -e_bc) or (ab < -e_ab and bc > e_bc) or (ab > e_ab and ca < -e_ca)
-        outside = (
-            outside or (ab < -e_ab and ca > e_ca) or (bc > e_bc and ca < -e_ca) or (bc < -e_bc and ca > e_ca)
-        )
+        outside = outside or (ab < -e_ab and ca > e_ca) or (bc > e_bc and ca < -e_ca) or (bc < -e_bc and ca > e_ca)
         return -1 if outside else 0
     if facing < 0.0:
         ab, bc, ca, volume = -ab, -bc, -ca, -volume
