@@ -86,21 +86,15 @@ def mask_image(mask: ShadowMask) -> NDArray[np.uint8]:
     return grey
 
 
-def _check(
-    camera: Camera, lights: tuple[Light, ...], samples: ViewSamples, masks: tuple[ShadowMask, ...]
-) -> None:
+def _check(camera: Camera, lights: tuple[Light, ...], samples: ViewSamples, masks: tuple[ShadowMask, ...]) -> None:
     size = (camera.height, camera.width)
     if len(samples.shape) not in (2, 3) or samples.shape[:2] != size or samples.size == 0:
-        raise InputError(
-            f"shade: wanted samples of the camera's image, {size} or {(*size, 's')}, got {samples.shape}"
-        )
+        raise InputError(f"shade: wanted samples of the camera's image, {size} or {(*size, 's')}, got {samples.shape}")
     if len(masks) != len(lights):
         raise InputError(f"shade: wanted one mask per light, got {len(masks)} masks and {len(lights)} lights")
     for number, mask in enumerate(masks):
         if mask.in_shadow.shape != samples.shape:
-            raise InputError(
-                f"shade: mask {number} has shape {mask.in_shadow.shape}, the samples {samples.shape}"
-            )
+            raise InputError(f"shade: mask {number} has shape {mask.in_shadow.shape}, the samples {samples.shape}")
 
 
 # Textures are prepared once per scene, not once per picture.
@@ -124,12 +118,8 @@ def _prepare_surface(scene: Scene) -> Surface:
         if material.texture is not None and scene.uv is not None:
             wanted[id(material.texture), material.alpha_mode == "OPAQUE"] = material.texture
     keys = list(wanted)
-    made = dict(
-        zip(keys, run(lambda index: mip_levels(wanted[keys[index]], keys[index][1]), len(keys)), strict=True)
-    )
-    chains = [
-        made.get((id(material.texture), material.alpha_mode == "OPAQUE"), []) for material in scene.materials
-    ]
+    made = dict(zip(keys, run(lambda index: mip_levels(wanted[keys[index]], keys[index][1]), len(keys)), strict=True))
+    chains = [made.get((id(material.texture), material.alpha_mode == "OPAQUE"), []) for material in scene.materials]
     levels = np.array([len(chain) for chain in chains], np.int64)
     textures = pack([level for chain in chains for level in chain])
     return Surface(
@@ -156,9 +146,7 @@ def _read_only(array: NDArray[Any]) -> NDArray[Any]:
     return view
 
 
-def _view(
-    camera: Camera, samples: ViewSamples, per_pixel: int, up: Sequence[float] | NDArray[np.floating]
-) -> View:
+def _view(camera: Camera, samples: ViewSamples, per_pixel: int, up: Sequence[float] | NDArray[np.floating]) -> View:
     shape = (camera.height, camera.width, per_pixel)
     up_axis = np.asarray(up, np.float64)
     length = float(np.linalg.norm(up_axis)) if up_axis.shape == (3,) else math.nan
@@ -201,5 +189,5 @@ def _lighting(
         in_shadow[index] = mask.in_shadow.reshape(shape)
     fade = np.empty((len(lights), len(surface.normals), 2), np.float32)
     if len(surface.normals):
-        run(lambda index: terminator_fade(*surface[:4], position[index], fade[index]), len(lights))
+        run(lambda index: terminator_fade(*surface[:4], position, index, fade), len(lights))
     return Lighting(position, radiance * exposure, in_shadow, fade)

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.geometry.mipmap import LINEAR_TO_SRGB, SRGB_CODES, fetch_footprint
+from umbrae.geometry.mipmap import LINEAR_TO_SRGB, SRGB_CODES, fetch_footprint, footprint
 from umbrae.geometry.normals import facet_normal, smooth_normal, towards_light
-from umbrae.geometry.vectors import Vec3, add, cross, dot, interpolate, mix, row, scale, subtract, times, unit
+from umbrae.geometry.vectors import Vec3, add, dot, interpolate, mix, row, scale, subtract, times, unit
 from umbrae.parallel import inline, kernel
 
 DIRECT = 0.88
@@ -30,6 +30,7 @@ GROUND = (0.235, 0.235, 0.24)
 """Background, linear RGB: the sky at the horizon and overhead, and the ground under the eye."""
 SHOULDER = 0.65
 """Linear value above which highlights are compressed towards 1."""
+_BLOCK_PX = 32
 
 
 class Surface(NamedTuple):
@@ -88,16 +89,68 @@ def shade_rows(
     The samples of a pixel are averaged between tone mapping and the sRGB transfer: before it, one bright
     sample would outweigh the others and edges against bright surfaces would stay stairs.
     """
-    width, per_pixel = view.triangle.shape[1], view.triangle.shape[2]
-    for y in range(first, last):
-        for x in range(width):
+    # Unpacked here, once: every access to a member inside the loop would count references.
+    positions, triangles, normals, _first, colors, uv, material_id, base_color = surface[:8]
+    texels, offset, size, slot, levels = surface[8:]
+    triangle, barycentric, side, position, covered, pinhole = view
+    light_position, radiance, in_shadow, fade = lighting
+    eye, forward, corner = row(pinhole, 0), row(pinhole, 1), row(pinhole, 2)
+    right, down, up = row(pinhole, 3), row(pinhole, 4), row(pinhole, 5)
+    width, per_pixel = triangle.shape[1], triangle.shape[2]
+    spacing = 1.0 / math.sqrt(per_pixel)
+    # Block by block: neighbours in the picture are neighbours in textures and meshes, and still in the cache.
+    for block in range(-(-width // _BLOCK_PX) * (last - first)):
+        column, y = divmod(block, last - first)
+        y += first
+        for x in range(column * _BLOCK_PX, min((column + 1) * _BLOCK_PX, width)):
             total = (0.0, 0.0, 0.0)
             for s in range(per_pixel):
-                if view.covered[y, x, s] and view.triangle[y, x, s] >= 0:
-                    light = _surface_light(surface, view, lighting, y, x, s)
-                else:
-                    light = _background(view, y, x)
-                total = add(total, (_tone(light[0]), _tone(light[1]), _tone(light[2])))
+                t = triangle[y, x, s]
+                if t < 0 or not covered[y, x, s]:
+                    ray = add(corner, add(scale(x + 0.5, right), scale(y + 0.5, down)))
+                    total = add(total, _tone(_background(ray, up)))
+                    continue
+                a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+                v, w = float(barycentric[y, x, s, 0]), float(barycentric[y, x, s, 1])
+                px, py, pz = position[y, x, s, 0], position[y, x, s, 1], position[y, x, s, 2]
+                point = (float(px), float(py), float(pz))
+                to_eye = unit(subtract(eye, point))
+
+                # The facet's normal by its winding, or the smooth one, turned to the side it is seen from.
+                normal, agreement = facet_normal(positions, a, b, c), 0.0
+                turn = float(side[y, x, s])
+                if turn == 0.0:
+                    turn = 1.0 if dot(normal, to_eye) >= 0.0 else -1.0
+                if normals.shape[0] > 0:
+                    smooth, agreement = smooth_normal(normals, a, b, c, v, w, normal)
+                    if agreement != 0.0:
+                        normal = smooth
+                        turn *= agreement
+                normal = scale(turn, normal)
+                back = 0 if turn > 0.0 else 1
+
+                light = _ambient(normal, to_eye, up)
+                for k in range(light_position.shape[0]):
+                    if in_shadow[k, y, x, s]:
+                        continue
+                    share = DIRECT * dot(normal, towards_light(light_position, k, point))
+                    if agreement != 0.0:
+                        share *= _mean(fade[k, a, back], fade[k, b, back], fade[k, c, back], v, w)
+                    light = add(light, scale(max(0.0, share), row(radiance, k)))
+
+                m = material_id[t]
+                light = times(light, row(base_color, m))
+                if colors.shape[0] > 0:
+                    light = times(light, interpolate(colors, a, b, c, v, w))
+                if levels[m] > 0:
+                    ray = subtract(point, eye)
+                    depth = spacing * dot(ray, forward)
+                    across, below = footprint(positions, uv, a, b, c, ray, scale(depth, right), scale(depth, down))
+                    at_u = _mean(uv[a, 0], uv[b, 0], uv[c, 0], v, w)
+                    at_v = _mean(uv[a, 1], uv[b, 1], uv[c, 1], v, w)
+                    texel = fetch_footprint(texels, offset, size, slot[m], levels[m], at_u, at_v, across, below)
+                    light = times(light, texel)
+                total = add(total, _tone(light))
             total = scale(SRGB_CODES / per_pixel, total)
             pixels[y, x, 0] = LINEAR_TO_SRGB[int(total[0] + 0.5)]
             pixels[y, x, 1] = LINEAR_TO_SRGB[int(total[1] + 0.5)]
@@ -105,7 +158,18 @@ def shade_rows(
 
 
 @inline
-def _tone(value: float) -> float:
+def _mean(at_a: float, at_b: float, at_c: float, v: float, w: float) -> float:
+    """Three vertices' values at barycentrics `(1 - v - w, v, w)`."""
+    return (1.0 - v - w) * at_a + v * at_b + w * at_c
+
+
+@inline
+def _tone(light: Vec3) -> Vec3:
+    return _shoulder(light[0]), _shoulder(light[1]), _shoulder(light[2])
+
+
+@inline
+def _shoulder(value: float) -> float:
     """Light as it is up to the shoulder, then ever slower towards 1, without a kink."""
     if value <= SHOULDER:
         return max(0.0, value)
@@ -114,11 +178,9 @@ def _tone(value: float) -> float:
 
 
 @inline
-def _background(view: View, y: int, x: int) -> Vec3:
-    """Sky above the horizon, calm ground below, by the direction of the pixel's centre."""
-    right, down = scale(x + 0.5, row(view.pinhole, 3)), scale(y + 0.5, row(view.pinhole, 4))
-    direction = unit(add(row(view.pinhole, 2), add(right, down)))
-    height = dot(direction, row(view.pinhole, 5))
+def _background(ray: Vec3, up: Vec3) -> Vec3:
+    """Sky above the horizon, calm ground below."""
+    height = dot(unit(ray), up)
     color: Vec3
     if height >= 0.0:
         color = mix(HORIZON, ZENITH, 1.0 - math.exp(-3.0 * height))
@@ -128,96 +190,8 @@ def _background(view: View, y: int, x: int) -> Vec3:
 
 
 @inline
-def _surface_light(surface: Surface, view: View, lighting: Lighting, y: int, x: int, s: int) -> Vec3:
-    """Light that a sample on a surface sends to the eye."""
-    t = view.triangle[y, x, s]
-    a, b, c = surface.triangles[t, 0], surface.triangles[t, 1], surface.triangles[t, 2]
-    v, w = float(view.barycentric[y, x, s, 0]), float(view.barycentric[y, x, s, 1])
-    position = (
-        float(view.position[y, x, s, 0]),
-        float(view.position[y, x, s, 1]),
-        float(view.position[y, x, s, 2]),
-    )
-    to_eye = unit(subtract(row(view.pinhole, 0), position))
-
-    # The facet's normal by its winding, or the smooth one, turned to the side the sample is seen from.
-    facet = facet_normal(surface.positions, a, b, c)
-    turn = float(view.side[y, x, s])
-    if turn == 0.0:
-        turn = 1.0 if dot(facet, to_eye) >= 0.0 else -1.0
-    normal, agreement = facet, 0.0
-    if surface.normals.shape[0] > 0:
-        smooth, agreement = smooth_normal(surface.normals, a, b, c, v, w, facet)
-        if agreement != 0.0:
-            normal = smooth
-            turn *= agreement
-    normal = scale(turn, normal)
-    back = 0 if turn > 0.0 else 1
-
+def _ambient(normal: Vec3, to_eye: Vec3, up: Vec3) -> Vec3:
+    """Light from the sky above and from the ground below."""
     facing = 1.0 - FACING_FILL + FACING_FILL * max(0.0, dot(normal, to_eye))
-    light: Vec3 = scale(facing, mix(GROUND_LIGHT, SKY_LIGHT, 0.5 + 0.5 * dot(normal, row(view.pinhole, 5))))
-    for k in range(lighting.position.shape[0]):
-        if lighting.in_shadow[k, y, x, s]:
-            continue
-        to_light = towards_light(row(lighting.position, k), lighting.position[k, 3], position)
-        share = max(0.0, dot(normal, to_light))
-        if agreement != 0.0:
-            share *= (
-                (1.0 - v - w) * lighting.fade[k, a, back]
-                + v * lighting.fade[k, b, back]
-                + w * lighting.fade[k, c, back]
-            )
-        light = add(light, scale(DIRECT * share, row(lighting.radiance, k)))
-
-    m = surface.material_id[t]
-    light = times(light, row(surface.base_color, m))
-    if surface.colors.shape[0] > 0:
-        light = times(light, interpolate(surface.colors, a, b, c, v, w))
-    if surface.levels[m] > 0:
-        light = times(light, _texture(surface, view, m, a, b, c, v, w, position))
+    light: Vec3 = scale(facing, mix(GROUND_LIGHT, SKY_LIGHT, 0.5 + 0.5 * dot(normal, up)))
     return light
-
-
-@inline
-def _texture(
-    surface: Surface, view: View, m: int, a: int, b: int, c: int, v: float, w: float, position: Vec3
-) -> Vec3:
-    """The texture of material `m`, averaged over the footprint of one sample on triangle `a b c`."""
-    start = row(surface.positions, a)
-    ab, ac = subtract(row(surface.positions, b), start), subtract(row(surface.positions, c), start)
-    normal = cross(ab, ac)
-    area = max(dot(normal, normal), 1e-300)
-    # Barycentrics are linear in the plane: v = (p - a) . (ac x n) / n.n and w = (p - a) . (n x ab) / n.n.
-    gradient_v, gradient_w = scale(1.0 / area, cross(ac, normal)), scale(1.0 / area, cross(normal, ab))
-    u_a, v_a = float(surface.uv[a, 0]), float(surface.uv[a, 1])
-    ab_u, ab_v = float(surface.uv[b, 0]) - u_a, float(surface.uv[b, 1]) - v_a
-    ac_u, ac_v = float(surface.uv[c, 0]) - u_a, float(surface.uv[c, 1]) - v_a
-
-    ray = subtract(position, row(view.pinhole, 0))
-    steepness = dot(ray, normal)
-    # Samples of one pixel share its area.
-    depth = dot(ray, row(view.pinhole, 1)) / math.sqrt(view.triangle.shape[2])
-    across = _slide(scale(depth, row(view.pinhole, 3)), ray, normal, steepness)
-    down = _slide(scale(depth, row(view.pinhole, 4)), ray, normal, steepness)
-    across_v, across_w = dot(across, gradient_v), dot(across, gradient_w)
-    down_v, down_w = dot(down, gradient_v), dot(down, gradient_w)
-    color: Vec3 = fetch_footprint(
-        surface.texels,
-        surface.offset,
-        surface.size,
-        surface.slot[m],
-        surface.levels[m],
-        u_a + v * ab_u + w * ac_u,
-        v_a + v * ab_v + w * ac_v,
-        (across_v * ab_u + across_w * ac_u, across_v * ab_v + across_w * ac_v),
-        (down_v * ab_u + down_w * ac_u, down_v * ab_v + down_w * ac_v),
-    )
-    return color
-
-
-@inline
-def _slide(step: Vec3, ray: Vec3, normal: Vec3, steepness: float) -> Vec3:
-    """How far the hit point moves in the triangle's plane when the ray's end moves by `step`: first order."""
-    if steepness != 0.0:
-        step = subtract(step, scale(dot(step, normal) / steepness, ray))
-    return step

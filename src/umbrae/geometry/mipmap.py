@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.geometry.texture import SRGB_TO_LINEAR, fetch
+from umbrae.geometry.vectors import Vec3, cross, dot, row, scale, subtract
 from umbrae.parallel import inline, kernel
 
 MAX_TAPS = 4
@@ -16,9 +17,7 @@ SRGB_CODES = 65535
 
 def _linear_to_srgb() -> NDArray[np.uint8]:
     linear = np.linspace(0, 1, SRGB_CODES + 1)
-    coded = np.where(
-        linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
-    )
+    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
     return np.round(255 * coded).astype(np.uint8)
 
 
@@ -86,6 +85,41 @@ def _fill_transparent(coarse: NDArray[np.uint8], fine: NDArray[np.uint8]) -> Non
 
 
 @inline
+def footprint(
+    positions: NDArray[np.float32],
+    uv: NDArray[np.float32],
+    a: int,
+    b: int,
+    c: int,
+    ray: Vec3,
+    right: Vec3,
+    down: Vec3,
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Steps (du, dv) on triangle `a b c` when the end of the ray from the eye moves by `right` and `down`.
+
+    To first order: the end slides along the triangle's plane.
+    """
+    start = row(positions, a)
+    ab, ac = subtract(row(positions, b), start), subtract(row(positions, c), start)
+    normal = cross(ab, ac)
+    steepness = dot(ray, normal)
+    if steepness != 0.0:
+        right = subtract(right, scale(dot(right, normal) / steepness, ray))
+        down = subtract(down, scale(dot(down, normal) / steepness, ray))
+    # Barycentrics are linear in the plane: v = (p - a) . (ac x n) / n.n and w = (p - a) . (n x ab) / n.n.
+    area = max(dot(normal, normal), 1e-300)
+    along_v, along_w = scale(1.0 / area, cross(ac, normal)), scale(1.0 / area, cross(normal, ab))
+    ab_u, ab_v = float(uv[b, 0]) - float(uv[a, 0]), float(uv[b, 1]) - float(uv[a, 1])
+    ac_u, ac_v = float(uv[c, 0]) - float(uv[a, 0]), float(uv[c, 1]) - float(uv[a, 1])
+    right_v, right_w = dot(right, along_v), dot(right, along_w)
+    down_v, down_w = dot(down, along_v), dot(down, along_w)
+    return (
+        (right_v * ab_u + right_w * ac_u, right_v * ab_v + right_w * ac_v),
+        (down_v * ab_u + down_w * ac_u, down_v * ab_v + down_w * ac_v),
+    )
+
+
+@inline
 def fetch_footprint(texels, offset, size, slot, levels, u, v, across, down):  # type: ignore[no-untyped-def]
     """Linear red, green and blue of a texture averaged over the parallelogram `across` x `down` at (u, v).
 
@@ -98,8 +132,8 @@ def fetch_footprint(texels, offset, size, slot, levels, u, v, across, down):  # 
         Steps (du, dv) to the next pixel and the next row.
     """
     height, width = size[slot, 0], size[slot, 1]
-    length_a = math.hypot(across[0] * width, across[1] * height)
-    length_b = math.hypot(down[0] * width, down[1] * height)
+    length_a = math.sqrt((across[0] * width) ** 2 + (across[1] * height) ** 2)
+    length_b = math.sqrt((down[0] * width) ** 2 + (down[1] * height) ** 2)
     if length_a >= length_b:
         axis, longer, shorter = across, length_a, length_b
     else:
@@ -110,10 +144,14 @@ def fetch_footprint(texels, offset, size, slot, levels, u, v, across, down):  # 
         level = levels - 1.0
         axis = (0.0, 0.0)
     elif longer > 1.0:
-        taps = math.ceil(min(float(MAX_TAPS), longer / max(shorter, 1.0)))
+        taps = int(min(float(MAX_TAPS), longer / max(shorter, 1.0)) + 0.5)
         level = min(levels - 1.0, max(0.0, math.log2(longer / taps)))
+    # One level is enough near a whole one; two are blended in between, so that no seam shows.
     near = int(level)
-    blend = level - near
+    blend = 2.0 * (level - near) - 0.5
+    if blend >= 1.0:
+        near += 1
+        blend = 0.0
     red = green = blue = 0.0
     for k in range(taps):
         along = (k + 0.5) / taps - 0.5

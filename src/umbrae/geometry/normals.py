@@ -30,20 +30,15 @@ def smooth_normal(
     """
     at_a, at_b, at_c = row(normals, a), row(normals, b), row(normals, c)
     normal = unit(interpolate(normals, a, b, c, v, w))
-    if not (
-        dot(at_a, at_a) > 0.0
-        and dot(at_b, at_b) > 0.0
-        and dot(at_c, at_c) > 0.0
-        and dot(normal, normal) > 0.0
-    ):
+    if not (dot(at_a, at_a) > 0.0 and dot(at_b, at_b) > 0.0 and dot(at_c, at_c) > 0.0 and dot(normal, normal) > 0.0):
         return normal, 0.0
     return normal, 1.0 if dot(add(at_a, add(at_b, at_c)), facet) >= 0.0 else -1.0
 
 
 @inline
-def towards_light(light: Vec3, w: float, position: Vec3) -> Vec3:
-    """Unit vector from a position to the homogeneous light `(light, w)`."""
-    direction: Vec3 = unit(subtract(light, scale(w, position)))
+def towards_light(lights: NDArray[np.float64], k: int, point: Vec3) -> Vec3:
+    """Unit vector from a point to the k-th of homogeneous lights `(n, 4)`."""
+    direction: Vec3 = unit(subtract(row(lights, k), scale(lights[k, 3], point)))
     return direction
 
 
@@ -86,7 +81,8 @@ def terminator_fade(
     triangles: NDArray[np.int32],
     normals: NDArray[np.float32],
     first: NDArray[np.int32],
-    light: NDArray[np.float64],
+    lights: NDArray[np.float64],
+    k: int,
     fade: NDArray[np.float32],
 ) -> None:
     """Per vertex, the factor that ends smooth shading where the first facet around turns from the light.
@@ -101,33 +97,33 @@ def terminator_fade(
     ----------
     first
         `(v,)` of `first_alike`: facets around a vertex are those around all its copies.
-    light
-        `(4,)` homogeneous.
+    lights, k
+        `(n, 4)` homogeneous, and the index of the one in question.
     fade
-        `(v, 2)` written: for the side the vertex normal points to, and for the other.
+        `(n, v, 2)`, of which `fade[k]` is written: for the side the vertex normal points to, then for the
+        other.
     """
-    place = (light[0], light[1], light[2])
-    fade[:, 0] = np.inf
-    fade[:, 1] = np.inf
+    fade[k, :, 0] = np.inf
+    fade[k, :, 1] = np.inf
     for t in range(triangles.shape[0]):
         facet = facet_normal(positions, triangles[t, 0], triangles[t, 1], triangles[t, 2])
-        for k in range(3):
-            v = first[triangles[t, k]]
+        for i in range(3):
+            v = first[triangles[t, i]]
             agreement = dot(facet, unit(row(normals, v)))
             if abs(agreement) < _SMOOTH_COSINE:
                 continue
-            facing = dot(facet, towards_light(place, light[3], row(positions, v)))
+            facing = dot(facet, towards_light(lights, k, row(positions, v)))
             if agreement < 0.0:
                 facing = -facing
-            fade[v, 0] = min(fade[v, 0], facing)
-            fade[v, 1] = min(fade[v, 1], -facing)
+            fade[k, v, 0] = min(fade[k, v, 0], facing)
+            fade[k, v, 1] = min(fade[k, v, 1], -facing)
     for v in range(positions.shape[0]):
         if first[v] < v:
-            fade[v, 0], fade[v, 1] = fade[first[v], 0], fade[first[v], 1]
+            fade[k, v, 0], fade[k, v, 1] = fade[k, first[v], 0], fade[k, first[v], 1]
             continue
-        facing = dot(unit(row(normals, v)), towards_light(place, light[3], row(positions, v)))
-        fade[v, 0] = _eased(fade[v, 0], facing)
-        fade[v, 1] = _eased(fade[v, 1], -facing)
+        facing = dot(unit(row(normals, v)), towards_light(lights, k, row(positions, v)))
+        fade[k, v, 0] = _eased(fade[k, v, 0], facing)
+        fade[k, v, 1] = _eased(fade[k, v, 1], -facing)
 
 
 @inline

@@ -1,6 +1,7 @@
 """Three numbers as a tuple, inside kernels.
 
-Rows are read into tuples by index: a slice of an array would count references, which costs more than the arithmetic.
+Rows are read into tuples by index: a slice of an array would count references, which costs more than the
+arithmetic.
 """
 
 import math
