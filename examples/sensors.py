@@ -18,9 +18,7 @@ sun = um.Light.sun(azimuth=180, elevation=45)
 # A).
 across, up = np.meshgrid((np.arange(8) + 0.5) / 8, (np.arange(12) + 0.5) / 12)
 below = across >= up
-barycentric = np.where(
-    below[..., None], np.stack([across - up, up], axis=-1), np.stack([across, up - across], axis=-1)
-)
+barycentric = np.where(below[..., None], np.stack([across - up, up], axis=-1), np.stack([across, up - across], axis=-1))
 sensors = um.ViewSamples.on_surface(scene, np.where(below, 0, 1), barycentric, side=1)
 shaded = um.shadow(scene, sun, sensors).in_shadow
 

@@ -120,9 +120,7 @@ def test_json_is_one_object_and_nothing_else(capsys):
 def test_coordinates_of_options_are_the_files_own(capsys):
     """A model near x = 5,000,000: eye, target and light are given there; the picture is the one near zero."""
     near = "v 0 0 0\nv 4 0 0\nv 0 0 -4.125\nv 1 1 -1\nv 2 1 -1\nv 1 1 -2.0625\nf 1 2 3\nf 4 5 6\n"
-    far = re.sub(
-        r"^v (\S+)", lambda match: f"v {5_000_000.03125 + float(match[1])}", near, flags=re.MULTILINE
-    )
+    far = re.sub(r"^v (\S+)", lambda match: f"v {5_000_000.03125 + float(match[1])}", near, flags=re.MULTILINE)
     for name, text, shift in (("near", near, 0.0), ("far", far, 5_000_000.03125)):
         Path(f"{name}.obj").write_text(text)
         places = [
@@ -133,10 +131,7 @@ def test_coordinates_of_options_are_the_files_own(capsys):
             "--light",
             f"{shift + 2},5,-2",
         ]
-        assert (
-            cli.run(["render", f"{name}.obj", "--size", "48x48", "--mask", f"{name}_mask.png", "-q", *places])
-            == 0
-        )
+        assert cli.run(["render", f"{name}.obj", "--size", "48x48", "--mask", f"{name}_mask.png", "-q", *places]) == 0
         err = capsys.readouterr().err
         if name == "far":
             assert line(err).startswith("umbrae: note: coordinates far from zero")
@@ -244,9 +239,7 @@ def test_verify_passes_an_exact_method(capsys):
     texts = "verify roof.glb --size 64x36 --count 500 --sun 120,40 --light 0,3,0"
     assert umbrae(texts) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 2 and all(
-        "500 samples, 0 wrong outside the band, 0 inside" in text for text in lines
-    )
+    assert len(lines) == 2 and all("500 samples, 0 wrong outside the band, 0 inside" in text for text in lines)
     assert umbrae(texts, "--json") == 0
     first, second = json.loads(capsys.readouterr().out)["lights"]
     assert first["checked"] == second["checked"] == 500 and first["outside_band"] == 0

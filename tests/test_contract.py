@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
+
 from soups import SOUPS, Soup
 from truth import rational_truth
-
 from umbrae import METHODS, Camera, Light, Scene, ViewSamples, sample, verify
 from umbrae.methods.oracle import Oracle
 
@@ -118,9 +118,7 @@ def split_at_midpoints(scene: Scene) -> Scene:
     corners = scene.positions[scene.triangles].astype(np.float64)
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-    parts = np.concatenate(
-        [np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-    )
+    parts = np.concatenate([np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
     assert (parts.astype(np.float32) == parts).all(), "a midpoint is not representable"
     return Scene(parts.reshape(-1, 3).astype(np.float32), np.arange(3 * len(parts)).reshape(-1, 3))
 

@@ -69,9 +69,7 @@ def gltf(folder: Path, attributes: dict[str, np.ndarray], **more: Any) -> Path:
         "buffers": [{"byteLength": len(blob), "uri": uri}],
         "bufferViews": views,
         "accessors": accessors,
-        "meshes": [
-            {"primitives": [{"attributes": {k: v for k, v in names.items() if k[0] != "_"}} | primitive]}
-        ],
+        "meshes": [{"primitives": [{"attributes": {k: v for k, v in names.items() if k[0] != "_"}} | primitive]}],
         "nodes": [{"mesh": 0}],
         "scenes": [{"nodes": [0]}],
     }
@@ -306,9 +304,7 @@ def test_texture_transform(tmp_path: Path) -> None:
     path = upright_quad(".gltf", tmp_path)
     tree = json.loads(path.read_text())
     info = tree["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
-    info["extensions"] = {
-        "KHR_texture_transform": {"offset": [0.5, 0.25], "scale": [2, 1], "rotation": np.pi / 2}
-    }
+    info["extensions"] = {"KHR_texture_transform": {"offset": [0.5, 0.25], "scale": [2, 1], "rotation": np.pi / 2}}
     path.write_text(json.dumps(tree))
     scene = load(path)
     # (u, v) is scaled to (2 u, v), turned counter-clockwise in a picture whose v points down, then moved.
@@ -346,31 +342,23 @@ def test_obj_without_its_library_is_grey(tmp_path: Path) -> None:
 
 
 def test_ply_colours_and_normals(tmp_path: Path) -> None:
-    header = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(
-        f"property float {n}\n" for n in ("x", "y", "z")
-    )
+    header = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {n}\n" for n in ("x", "y", "z"))
     faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
     colours = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
-    (tmp_path / "a.ply").write_text(
-        header + colours + faces + "0 0 0 188 0 255\n1 0 0 0 0 0\n0 1 0 0 0 0\n3 0 1 2\n"
-    )
+    (tmp_path / "a.ply").write_text(header + colours + faces + "0 0 0 188 0 255\n1 0 0 0 0 0\n0 1 0 0 0 0\n3 0 1 2\n")
     scene = load(tmp_path / "a.ply")
     assert scene.normals is None
     assert scene.colors is not None
     # 188 of 255 in sRGB is 0.5029 in linear light.
     assert np.allclose(scene.colors[0], [0.5029, 0, 1, 1], atol=1e-4)
     normals = "".join(f"property float {name}\n" for name in ("nx", "ny", "nz"))
-    (tmp_path / "b.ply").write_text(
-        header + normals + faces + "0 0 0 0 1 0\n1 0 0 0 1 0\n0 1 0 0 1 0\n3 0 1 2\n"
-    )
+    (tmp_path / "b.ply").write_text(header + normals + faces + "0 0 0 0 1 0\n1 0 0 0 1 0\n0 1 0 0 1 0\n3 0 1 2\n")
     scene = load(tmp_path / "b.ply")
     assert scene.normals is not None and scene.normals.tolist() == [[0, 1, 0]] * 3
 
 
 def test_far_from_the_origin(tmp_path: Path) -> None:
-    path = gltf(
-        tmp_path, {"POSITION": CORNERS / np.float32(3)}, nodes=[{"mesh": 0, "translation": [450_000.5, 0, 0]}]
-    )
+    path = gltf(tmp_path, {"POSITION": CORNERS / np.float32(3)}, nodes=[{"mesh": 0, "translation": [450_000.5, 0, 0]}])
     with pytest.warns(RecentredWarning):
         scene = load(path)
     world = scene.positions + scene.origin
@@ -383,9 +371,7 @@ def test_far_from_the_origin(tmp_path: Path) -> None:
 
 
 def test_a_warning_made_an_error_stays_a_warning(tmp_path: Path) -> None:
-    path = gltf(
-        tmp_path, {"POSITION": CORNERS / np.float32(3)}, nodes=[{"mesh": 0, "translation": [1e6, 0.1, 0]}]
-    )
+    path = gltf(tmp_path, {"POSITION": CORNERS / np.float32(3)}, nodes=[{"mesh": 0, "translation": [1e6, 0.1, 0]}])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with pytest.raises(RecentredWarning):
@@ -401,9 +387,7 @@ def test_from_trimesh() -> None:
     box.visual.face_colors = np.repeat([[255, 0, 0, 255], [0, 0, 0, 255]], 6, axis=0)
     scene = Scene.from_trimesh(box)
     assert scene.colors is not None
-    assert (scene.colors[scene.triangles][:6, :, 0] == 1).all() and (
-        scene.colors[scene.triangles][6:, :, 0] == 0
-    ).all()
+    assert (scene.colors[scene.triangles][:6, :, 0] == 1).all() and (scene.colors[scene.triangles][6:, :, 0] == 0).all()
     twice = trimesh.Scene()
     twice.add_geometry(box, "a", transform=np.diag([-1, 1, 1, 1]))
     twice.add_geometry(box, "b", transform=trimesh.transformations.translation_matrix([3, 0, 0]))
@@ -419,9 +403,7 @@ def test_from_trimesh() -> None:
         Scene.from_trimesh(trimesh.Trimesh())
 
 
-@pytest.mark.parametrize(
-    "extension", [extension for extension in IMAGES if extension not in (".jpg", ".jpeg")]
-)
+@pytest.mark.parametrize("extension", [extension for extension in IMAGES if extension not in (".jpg", ".jpeg")])
 def test_pictures_come_back(tmp_path: Path, extension: str) -> None:
     pixels = np.zeros((4, 6, 3), np.uint8)
     pixels[:2, :3] = 255
@@ -450,9 +432,7 @@ class Broken:
         raise self.error
 
 
-@pytest.mark.parametrize(
-    "error", [KeyboardInterrupt(), OSError(28, "No space left on device"), MemoryError()]
-)
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device"), MemoryError()])
 def test_nothing_half_written_is_left(tmp_path: Path, error: BaseException) -> None:
     path = tmp_path / "a.npz"
     path.write_bytes(b"what was there before")

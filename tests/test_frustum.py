@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from truth import lattice_soup, random_samples, random_soup
 
+from truth import lattice_soup, random_samples, random_soup
 from umbrae import METHODS, Camera, Light, Scene, ViewSamples, sample, shadow, verify
 from umbrae.geometry.solids import find_solids
 from umbrae.methods.frustum_cpu import Frustum
@@ -65,9 +65,7 @@ def small_spheres() -> tuple[Scene, Camera]:
     return scene, Camera.frame(scene, width=160, height=90)
 
 
-@pytest.mark.parametrize(
-    "light", [spheres_light((3, 3)), Light.directional((-1, -2, -0.7)), Light.point((0, 0.01, 0))]
-)
+@pytest.mark.parametrize("light", [spheres_light((3, 3)), Light.directional((-1, -2, -0.7)), Light.point((0, 0.01, 0))])
 def test_whole_picture_agrees_with_the_oracle(light):
     scene, camera = small_spheres()
     samples = sample(scene, camera)
@@ -160,10 +158,7 @@ def test_cube_on_the_ground_seen_exactly_along_its_walls():
     keep = u + v <= 1
     sensors = ViewSamples.on_surface(scene, np.full(keep.sum(), 12), np.stack([u, v], axis=1)[keep], 1)
     as_if_seen = ViewSamples(
-        *(
-            getattr(sensors, name)[None]
-            for name in ("triangle", "barycentric", "side", "position", "covered")
-        ),
+        *(getattr(sensors, name)[None] for name in ("triangle", "barycentric", "side", "position", "covered")),
         camera=camera,
     )
     mask = shadow(scene, light, as_if_seen, method=CULLING)
@@ -199,9 +194,7 @@ def test_empty_scene_and_no_samples():
     light = Light.point((0, 1, 0))
     assert not shadow(empty, light, ViewSamples.points([[0, 0, 0], [1, 2, 3]])).in_shadow.any()
     assert (
-        shadow(
-            random_soup(np.random.default_rng(0), 3), light, ViewSamples.points(np.zeros((0, 3)))
-        ).in_shadow.size
+        shadow(random_soup(np.random.default_rng(0), 3), light, ViewSamples.points(np.zeros((0, 3)))).in_shadow.size
         == 0
     )
     assert Frustum().options() == {"front_face_culling": False}

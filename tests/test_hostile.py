@@ -316,8 +316,7 @@ def test_binary_ply_of_triangles_and_quads_is_refused(tmp_path: Path) -> None:
     header += PLY_FACES.replace("face 1", "face 3")
     # As many bytes as three quads would take: read as such, the second face would be made of garbage.
     faces = b"".join(
-        struct.pack(f"<B{len(face)}i", len(face), *face)
-        for face in ([0, 1, 2, 3], [0, 1, 2], [4, 3, 2, 1, 0])
+        struct.pack(f"<B{len(face)}i", len(face), *face) for face in ([0, 1, 2, 3], [0, 1, 2], [4, 3, 2, 1, 0])
     )
     (tmp_path / "a.ply").write_bytes(header.encode() + np.zeros((5, 3), "<f4").tobytes() + faces)
     answer = attempt(tmp_path / "a.ply")

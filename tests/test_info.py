@@ -103,9 +103,7 @@ def test_lights_surround_the_scene():
 
 
 def test_table_fits_80_columns_and_the_dictionary_is_json():
-    long = um.Material(
-        name="a material with quite a long name " * 3, alpha_mode="MASK", transmission=0.123456
-    )
+    long = um.Material(name="a material with quite a long name " * 3, alpha_mode="MASK", transmission=0.123456)
     facts = describe(quad(materials=[long]))
     stream = io.StringIO()
     Console(width=80, file=stream).print(table(facts))

@@ -61,9 +61,7 @@ def test_sphere_is_closed_round_and_wound_outward(segments: int, rings: int) -> 
 
 
 def test_sphere_approaches_a_true_sphere() -> None:
-    assert volume(corners(sphere(radius=1.0, segments=128, rings=64))) == pytest.approx(
-        4 / 3 * np.pi, rel=2e-3
-    )
+    assert volume(corners(sphere(radius=1.0, segments=128, rings=64))) == pytest.approx(4 / 3 * np.pi, rel=2e-3)
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from truth import lattice_soup, random_samples, random_soup, rational_truth
 
+from truth import lattice_soup, random_samples, random_soup, rational_truth
 from umbrae.light import Light
 from umbrae.methods.oracle import Oracle
 from umbrae.samples import ViewSamples
@@ -43,9 +43,7 @@ def test_margin_of_a_point_below_a_square():
     assert in_shadow.tolist() == [False, True, True, False, False]
     # The diagonal cuts the square: half the sqrt(2) * 0.99 of the way to it, 0.01 to the outline; 0.02 above the plane.
     cap = np.hypot(2.0, 2.0) / 100
-    np.testing.assert_allclose(
-        caster.margin(light, points, in_shadow), [0.01, cap, 0.01, 0.02, cap], rtol=1e-5
-    )
+    np.testing.assert_allclose(caster.margin(light, points, in_shadow), [0.01, cap, 0.01, 0.02, cap], rtol=1e-5)
 
 
 def test_no_verdict_changes_within_the_margin():

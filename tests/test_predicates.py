@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from truth import lattice_soup, random_samples, random_soup
 
+from truth import lattice_soup, random_samples, random_soup
 from umbrae.geometry import predicates
 from umbrae.geometry.expansion import MAX_TERMS, dot_sign, two_product, two_sum
 from umbrae.light import Light
@@ -35,8 +35,7 @@ def test_dot_sign_is_the_sign_of_the_exact_dot_product(first, second):
     a, b = np.zeros((3, MAX_TERMS)), np.zeros((3, MAX_TERMS))
     a[:, :4], b[:, :4] = np.reshape(first, (3, 4)), np.reshape(second, (3, 4))
     exact = sum(
-        sum(map(Fraction, a[axis, :4].tolist())) * sum(map(Fraction, b[axis, :4].tolist()))
-        for axis in range(3)
+        sum(map(Fraction, a[axis, :4].tolist())) * sum(map(Fraction, b[axis, :4].tolist())) for axis in range(3)
     )
     assert dot_sign(a, 4, b, 4) == (exact > 0) - (exact < 0)
 
@@ -98,9 +97,7 @@ def test_edge_order_does_not_change_a_side_plane():
 
 
 def test_same_triangle_in_all_orders():
-    positions = np.array(
-        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32
-    )
+    positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
     for order, same in [
         ((3, 4, 5), True), ((4, 5, 3), True), ((5, 3, 4), True),
         ((4, 3, 5), True), ((3, 5, 4), True), ((5, 4, 3), True),

@@ -38,9 +38,7 @@ def jittered_grid(cells: int, seed: int, jitter: float) -> tuple[NDArray[np.floa
     return points.reshape(-1, 3).astype(np.float32), np.array(triangles, np.int32)
 
 
-def times_covered(
-    positions: NDArray[np.float32], triangles: NDArray[np.int32], camera: Camera
-) -> NDArray[np.int64]:
+def times_covered(positions: NDArray[np.float32], triangles: NDArray[np.int32], camera: Camera) -> NDArray[np.int64]:
     """How many of the triangles cover each pixel, each drawn alone."""
     return sum(sample(Scene(positions, [t]), camera).covered.astype(np.int64) for t in triangles)
 
@@ -49,9 +47,7 @@ def sphere(rows: int, columns: int) -> Scene:
     """A closed unit sphere, counter-clockwise from outside."""
     theta = np.linspace(0, np.pi, rows + 1)[:, None]
     phi = np.linspace(0, 2 * np.pi, columns, endpoint=False)[None, :]
-    points = np.stack(
-        [np.sin(theta) * np.cos(phi), np.cos(theta) + 0 * phi, np.sin(theta) * np.sin(phi)], axis=-1
-    )
+    points = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta) + 0 * phi, np.sin(theta) * np.sin(phi)], axis=-1)
     points[0], points[-1] = (0, 1, 0), (0, -1, 0)
     at = np.arange((rows + 1) * columns).reshape(rows + 1, columns)
     a, b = at[:-1], np.roll(at, -1, axis=1)[:-1]
@@ -88,9 +84,7 @@ def pixels_of(points: NDArray[np.floating], camera: Camera) -> NDArray[np.float6
 def test_every_pixel_of_a_triangulated_square_is_covered_once(camera: Camera, jitter: float) -> None:
     positions, triangles = jittered_grid(8, seed=3, jitter=jitter)
     count = times_covered(positions, triangles, camera)
-    assert (count == 1).all(), (
-        f"pixels {np.argwhere(count != 1)[:5].tolist()} covered {count[count != 1][:5]} times"
-    )
+    assert (count == 1).all(), f"pixels {np.argwhere(count != 1)[:5].tolist()} covered {count[count != 1][:5]} times"
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.1, 1.0])
@@ -468,9 +462,7 @@ def test_scale_does_not_matter(size: float) -> None:
 
 def test_coordinates_up_to_the_limit_give_numbers() -> None:
     random = np.random.default_rng(1)
-    positions = (random.uniform(-1, 1, (60, 3)) * 10.0 ** random.integers(-18, 19, (60, 1))).astype(
-        np.float32
-    )
+    positions = (random.uniform(-1, 1, (60, 3)) * 10.0 ** random.integers(-18, 19, (60, 1))).astype(np.float32)
     scene = Scene(positions, random.integers(0, 60, (80, 3)))
     seen = sample(scene, Camera.look_at((0.1, 0.2, 0.3), (0, 0, 0), width=40, height=40))
     assert seen.depth is not None

@@ -64,9 +64,7 @@ def up_vector(text: str) -> Vector:
     return up
 
 
-def camera(
-    scene: Scene, size: Size, eye: Vector | None, target: Vector | None, up: Vector, fov: float
-) -> Camera:
+def camera(scene: Scene, size: Size, eye: Vector | None, target: Vector | None, up: Vector, fov: float) -> Camera:
     """A camera at `eye` that looks at `target`, both in the file's own coordinates.
 
     Without both it frames the scene by itself. With a target alone it keeps that direction and distance.
@@ -85,18 +83,14 @@ def camera(
     return Camera.look_at(stand, look_at, up, fov, *size)
 
 
-def lights(
-    scene: Scene, view: Camera, points: Sequence[Vector], suns: Sequence[Sun], up: Vector
-) -> list[Light]:
+def lights(scene: Scene, view: Camera, points: Sequence[Vector], suns: Sequence[Sun], up: Vector) -> list[Light]:
     """Point lights in the file's own coordinates, then suns; without any, the default sun."""
     made = [Light.point(scene.local(point)) for point in points]
     made += [Light.sun(azimuth, elevation, up) for azimuth, elevation in suns]
     return made or [default_sun(view, up)]
 
 
-def _numbers(
-    text: str, separator: str, wanted: str, count: int, number: Callable[[str], Number]
-) -> list[Number]:
+def _numbers(text: str, separator: str, wanted: str, count: int, number: Callable[[str], Number]) -> list[Number]:
     try:
         values = [number(part) for part in text.split(separator)]
     except ValueError:

@@ -42,17 +42,13 @@ Output = Annotated[Path, typer.Option("-o", "--output", help="File to write.", m
 SizeOption = Annotated[Size, typer.Option("--size", parser=arguments.size, metavar="WxH", help="Pixels.")]
 Eye = Annotated[
     Vector | None,
-    typer.Option(
-        "--eye", parser=arguments.vector, metavar="X,Y,Z", help="Where the camera stands; automatic."
-    ),
+    typer.Option("--eye", parser=arguments.vector, metavar="X,Y,Z", help="Where the camera stands; automatic."),
 ]
 Target = Annotated[
     Vector | None,
     typer.Option("--target", parser=arguments.vector, metavar="X,Y,Z", help="What it looks at; the centre."),
 ]
-Up = Annotated[
-    Vector, typer.Option("--up", parser=arguments.up_vector, metavar="y|z|X,Y,Z", help="World up.")
-]
+Up = Annotated[Vector, typer.Option("--up", parser=arguments.up_vector, metavar="y|z|X,Y,Z", help="World up.")]
 Fov = Annotated[float, typer.Option("--fov", metavar="DEGREES", help="Vertical field of view.")]
 Points = Annotated[
     list[Vector],
@@ -101,13 +97,9 @@ def render(
     method: MethodName = "frustum",
     mask: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Shadow mask: white lit, black dark; several lights: MASK_1, MASK_2, ..."
-        ),
+        typer.Option(metavar="FILE", help="Shadow mask: white lit, black dark; several lights: MASK_1, MASK_2, ..."),
     ] = None,
-    npz: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Samples and masks as numpy arrays.")
-    ] = None,
+    npz: Annotated[Path | None, typer.Option(metavar="FILE", help="Samples and masks as numpy arrays.")] = None,
     samples_per_pixel: Annotated[int, typer.Option(min=1, metavar="N", help="For smooth edges.")] = 1,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -123,9 +115,7 @@ def render(
     camera = arguments.camera(scene, size, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up)
     _compile_kernels(algorithm, samples_per_pixel, clock)
-    image = um.render(
-        scene, camera, lights, method=algorithm, samples_per_pixel=samples_per_pixel, up=up, clock=clock
-    )
+    image = um.render(scene, camera, lights, method=algorithm, samples_per_pixel=samples_per_pixel, up=up, clock=clock)
     samples = image.samples
     assert samples is not None
     with clock.span("write"):
@@ -218,9 +208,7 @@ def verify(
             }
             for one, verdict in zip(lights, verdicts, strict=True)
         ]
-        _print_json(
-            model=str(model), method=algorithm.name, seed=seed, lights=results, seconds=clock.seconds()
-        )
+        _print_json(model=str(model), method=algorithm.name, seed=seed, lights=results, seconds=clock.seconds())
     else:
         for one, verdict in zip(lights, verdicts, strict=True):
             where = ", ".join(f"{number:.6g}" for number in one.position[:3])
@@ -246,9 +234,7 @@ def methods() -> None:
 @scenes.command("spheres")
 def write_spheres(
     output: Output = Path("spheres.glb"),
-    grid: Annotated[
-        Size, typer.Option(parser=arguments.size, metavar="AxB", help="Number of spheres.")
-    ] = DEFAULT_GRID,
+    grid: Annotated[Size, typer.Option(parser=arguments.size, metavar="AxB", help="Number of spheres.")] = DEFAULT_GRID,
     triangles: Annotated[int, typer.Option(metavar="N", help="In all, about.")] = 100_000,
 ) -> None:
     """Spheres over a ground plane, after Milet et al."""

@@ -151,9 +151,7 @@ def save_image(path: AnyPath, pixels: NDArray[Any]) -> None:
     check_writable(path, IMAGES)
     values = pixels.astype(np.uint8) * np.uint8(255) if pixels.dtype == bool else pixels
     if values.dtype != np.uint8 or not (values.ndim == 2 or (values.ndim == 3 and values.shape[2] == 3)):
-        raise InputError(
-            f"save_image: wanted (h, w, 3) or (h, w) uint8 or bool, got {pixels.shape} {pixels.dtype}"
-        )
+        raise InputError(f"save_image: wanted (h, w, 3) or (h, w) uint8 or bool, got {pixels.shape} {pixels.dtype}")
     kind = _IMAGES[Path(path).suffix.lower()]
     options = {"quality": 95} if kind in ("JPEG", "WEBP") else {}
     with _whole(path) as stream:

@@ -149,10 +149,7 @@ def table(info: ModelInfo) -> Table:
             f"{_mib(info.scene_bytes)} for the scene, {_mib(info.samples_bytes)} for 1920x1080 samples",
         ),
         ("materials", f"{len(info.materials):,}"),
-        *(
-            (f"  {material.name or '(no name)'}"[:24], _material_line(material))
-            for material in info.materials
-        ),
+        *((f"  {material.name or '(no name)'}"[:24], _material_line(material)) for material in info.materials),
     ):
         rows.add_row(name, value)
     return rows
@@ -182,9 +179,7 @@ def _materials(scene: Scene) -> tuple[MaterialInfo, ...]:
             alpha_mode=material.alpha_mode,
             transmission=material.transmission,
             double_sided=material.double_sided,
-            texture_px=None
-            if material.texture is None
-            else (material.texture.shape[1], material.texture.shape[0]),
+            texture_px=None if material.texture is None else (material.texture.shape[1], material.texture.shape[0]),
             triangles=int(count),
         )
         for material, count in zip(scene.materials, used, strict=True)

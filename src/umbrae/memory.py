@@ -32,9 +32,7 @@ def require(size: int, what: str) -> None:
     """
     available = available_bytes()
     if size > available:
-        raise CapacityError(
-            f"{what} needs {size / _GIB:.2f} GiB of memory, {available / _GIB:.2f} GiB are available"
-        )
+        raise CapacityError(f"{what} needs {size / _GIB:.2f} GiB of memory, {available / _GIB:.2f} GiB are available")
 
 
 def _machine_bytes() -> int:

@@ -161,4 +161,5 @@ def _inside(uv: NDArray[np.float32]) -> NDArray[np.bool_]:
     total = u + v
     part = total - u
     error = (u - (total - part)) + (v - part)
-    return (u >= 0) & (v >= 0) & ((total < 1) | ((total == 1) & (error <= 0)))
+    inside: NDArray[np.bool_] = (u >= 0) & (v >= 0) & ((total < 1) | ((total == 1) & (error <= 0)))
+    return inside

@@ -114,9 +114,7 @@ def _materials(materials: list[Material], blob: _Blob) -> dict[str, Any]:
         if material.name:
             entry["name"] = material.name
         if material.transmission:
-            entry["extensions"] = {
-                "KHR_materials_transmission": {"transmissionFactor": material.transmission}
-            }
+            entry["extensions"] = {"KHR_materials_transmission": {"transmissionFactor": material.transmission}}
         entries.append(entry)
     tree: dict[str, Any] = {"materials": entries} if entries else {}
     if images:

@@ -105,9 +105,7 @@ def _check_memory(document: Document, uses: Counter[int]) -> None:
                 corners += times * turns
                 vertices += times * min(rows, turns)
     # Positions in float64 twice, then float32, and attributes; indices in int64 twice, then int32.
-    require(
-        128 * vertices + 24 * corners, f"a model of up to {corners // 3:,} triangles with all its instances"
-    )
+    require(128 * vertices + 24 * corners, f"a model of up to {corners // 3:,} triangles with all its instances")
 
 
 def _read_mesh(document: Document, index: int) -> list[Part]:

@@ -71,9 +71,7 @@ def scene_from_trimesh(mesh: Any) -> Scene:
         For anything else, or a mesh without triangles.
     """
     if not isinstance(mesh, trimesh.Trimesh | trimesh.Scene):
-        raise InputError(
-            f"Scene.from_trimesh: wanted a trimesh.Trimesh or trimesh.Scene, got {type(mesh).__name__}"
-        )
+        raise InputError(f"Scene.from_trimesh: wanted a trimesh.Trimesh or trimesh.Scene, got {type(mesh).__name__}")
     try:
         return joined(_parts(mesh))
     except ModelError as error:
@@ -125,9 +123,7 @@ def _check_rows(header: str, body: str) -> None:
             for is_list in lists:
                 wanted += 1 + (int(float(words[wanted])) if is_list and wanted < len(words) else 0)
             if len(words) < wanted:
-                raise ModelError(
-                    f"is truncated or malformed: {name} {row} of {count} has {len(words)} numbers"
-                )
+                raise ModelError(f"is truncated or malformed: {name} {row} of {count} has {len(words)} numbers")
 
 
 def _check_lists(faces: Any) -> None:
@@ -135,9 +131,7 @@ def _check_lists(faces: Any) -> None:
     for name in getattr(faces, "dtype", np.dtype("u1")).names or ():
         field = faces[name]
         if field.dtype.names == ("f0", "f1") and (field["f0"] != field["f1"][0].size).any():
-            raise ModelError(
-                "has faces with different numbers of corners, which is not supported in binary PLY"
-            )
+            raise ModelError("has faces with different numbers of corners, which is not supported in binary PLY")
 
 
 def _parts(model: trimesh.Trimesh | trimesh.Scene) -> list[Part]:
@@ -180,9 +174,7 @@ def _part(mesh: trimesh.Trimesh, textures: dict[int, NDArray[np.uint8]]) -> Part
         if visual.kind == "face":
             corners = faces.ravel()
             normals = None if part.normals is None else part.normals[corners]
-            part = Part(
-                part.positions[corners], np.arange(faces.size).reshape(-1, 3), part.material, normals=normals
-            )
+            part = Part(part.positions[corners], np.arange(faces.size).reshape(-1, 3), part.material, normals=normals)
         colors = np.asarray(rgba) / 255
         part.colors = np.column_stack([linear(colors[:, :3]), colors[:, 3]])
     return part
@@ -196,9 +188,7 @@ def _material(material: Any, textures: dict[int, NDArray[np.uint8]]) -> Material
     if picture is not None and id(picture) not in textures:
         textures[id(picture)] = np.asarray(picture.convert("RGBA"))
     red, green, blue, alpha = (1, 1, 1, 1) if color is None else (np.asarray(color) / 255).tolist()
-    mode: AlphaMode = (material.alphaMode if pbr else None) or (
-        "BLEND" if not pbr and alpha < 1 else "OPAQUE"
-    )
+    mode: AlphaMode = (material.alphaMode if pbr else None) or ("BLEND" if not pbr and alpha < 1 else "OPAQUE")
     cutoff = material.alphaCutoff if pbr else None
     return Material(
         base_color=(red, green, blue, alpha),

@@ -136,9 +136,7 @@ def _vertices(rows: Rows, corners: NDArray[np.int64]) -> dict[str, NDArray[np.fl
 
 def _table(rows: list[list[float]], start: int, end: int, name: str) -> NDArray[np.float64]:
     if short := [index for index, row in enumerate(rows, 1) if len(row) < end]:
-        raise ModelError(
-            f"number {short[0]} of the {name} has {len(rows[short[0] - 1])} numbers, wanted {end}"
-        )
+        raise ModelError(f"number {short[0]} of the {name} has {len(rows[short[0] - 1])} numbers, wanted {end}")
     return np.array([row[start:end] for row in rows], np.float64)
 
 
@@ -172,9 +170,7 @@ def _read_libraries(names: list[str], folder: Folder, looks: dict[str, _Look]) -
             except ModelError:
                 raise
             except ValueError as error:
-                raise ModelError(
-                    f"material library {library!r}: cannot read {line.strip()[:60]!r}"
-                ) from error
+                raise ModelError(f"material library {library!r}: cannot read {line.strip()[:60]!r}") from error
 
 
 def _material(name: str, look: _Look, folder: Folder) -> Material:

@@ -65,9 +65,7 @@ def joined(parts: Sequence[Part]) -> Scene:
     starts = np.cumsum([0] + [len(part.positions) for part in parts])
     counts = [len(part.triangles) for part in parts]
     materials: dict[tuple[object, ...], tuple[int, Material]] = {}
-    material_id = [
-        materials.setdefault(_identity(part.material), (len(materials), part.material))[0] for part in parts
-    ]
+    material_id = [materials.setdefault(_identity(part.material), (len(materials), part.material))[0] for part in parts]
     return Scene(
         np.concatenate([part.positions for part in parts]),
         np.concatenate([part.triangles + start for part, start in zip(parts, starts, strict=False)]),

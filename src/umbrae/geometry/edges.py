@@ -130,9 +130,7 @@ def silhouette_share(
     return found / (len(lights) * len(topology.vertices))
 
 
-def _product(
-    x: NDArray[np.float64], y: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _product(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """`x * y` rounded, and the error of rounding (Dekker 1971); exact for coordinates up to 1e18."""
     product = x * y
     x_high, y_high = _SPLIT * x, _SPLIT * y

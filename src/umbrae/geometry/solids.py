@@ -17,19 +17,17 @@ class Solids(NamedTuple):
     upper: NDArray[np.float64]
 
 
-def find_solids(
-    positions: NDArray[np.float32], triangles: NDArray[np.int32], allowed: NDArray[np.bool_]
-) -> Solids:
+def find_solids(positions: NDArray[np.float32], triangles: NDArray[np.int32], allowed: NDArray[np.bool_]) -> Solids:
     """Connected parts (over edges, by position) that enclose a volume.
 
     A part is a solid when every edge is run as often in one direction as in the other, its signed volume is positive,
     and all its triangles are `allowed (t,)`.
     """
     count = len(triangles)
-    part = np.arange(count, dtype=np.int32)
+    joined = np.arange(count, dtype=np.int32)
     topology = edges(weld(positions)[triangles])
-    join_over_edges(topology.offsets, topology.triangle, part)
-    _, part = np.unique(part, return_inverse=True)
+    join_over_edges(topology.offsets, topology.triangle, joined)
+    _, part = np.unique(joined, return_inverse=True)
     parts = int(part.max(initial=-1)) + 1
     solid = np.ones(parts, bool)
     solid[part[~allowed]] = False

@@ -159,7 +159,8 @@ class FrustumCaster(Caster):
 
         if not active:
             return np.zeros(len(COUNTERS), np.int64)
-        return np.sum(run(task, batches * len(active), clock), axis=0, dtype=np.int64)
+        total: NDArray[np.int64] = np.sum(run(task, batches * len(active), clock), axis=0, dtype=np.int64)
+        return total
 
     def _casts(self, source: NDArray[np.float64], samples: ViewSamples, facing: NDArray[np.int8]) -> NDArray[np.bool_]:
         """`(t,)` which triangles cast; empty when all do."""
@@ -174,10 +175,12 @@ class FrustumCaster(Caster):
         if source[3] != 0.0:
             culled &= self._outside(source[:3], 0.0)
         of = self.solids.of
-        return ~((of >= 0) & culled[of] & (facing < 0))
+        casts: NDArray[np.bool_] = (of < 0) | ~culled[of] | (facing > 0)
+        return casts
 
     def _outside(self, point: NDArray[np.float64], distance: float) -> NDArray[np.bool_]:
         """Which solids' boxes, grown by a distance, do not hold the point."""
         assert self.solids is not None
         inside = (point >= self.solids.lower - distance) & (point <= self.solids.upper + distance)
-        return ~inside.all(axis=1)
+        outside: NDArray[np.bool_] = np.logical_not(inside.all(axis=1))
+        return outside

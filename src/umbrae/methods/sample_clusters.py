@@ -99,6 +99,7 @@ def cluster_tiles(
     directional = light[3] == 0.0
     count = len(frames)
     room = count + SPARE
+    listed = len(order) > 0
     columns = (width + 3) // 4
     tile_x, tile_y, tile_q = np.empty(LANES), np.empty(LANES), np.empty(LANES)
     tile_dx, tile_dq = np.empty(LANES), np.empty(LANES)
@@ -107,14 +108,14 @@ def cluster_tiles(
     slot = start * room
     for tile in range(start, stop):
         lanes = 0
+        first_row, first_column = tile // columns * 4, tile % columns * 4
         for lane in range(LANES):
-            if len(order) > 0:
+            if listed:
                 index = np.int64(order[tile * LANES + lane])
                 if index < 0:
                     continue
             else:
-                row = tile // columns * 4 + lane // 4
-                column = tile % columns * 4 + lane % 4
+                row, column = first_row + (lane >> 2), first_column + (lane & 3)
                 if row >= height or column >= width:
                     continue
                 index = row * width + column

@@ -42,9 +42,7 @@ class Builder:
             directions = _unit(directions)
         self._append(points, indices, directions, np.zeros((len(points), 2)), material)
 
-    def flat(
-        self, positions: ArrayLike, triangles: ArrayLike, material: str, uv: ArrayLike | None = None
-    ) -> None:
+    def flat(self, positions: ArrayLike, triangles: ArrayLike, material: str, uv: ArrayLike | None = None) -> None:
         """Add facets with vertices of their own; `uv` per corner `(t, 3, 2)`, by default in world units."""
         corners = np.asarray(positions, np.float64)[np.asarray(triangles, np.int64)]
         normals = _unit(_facet_normals(corners))
@@ -56,9 +54,7 @@ class Builder:
         indices = np.arange(3 * count).reshape(count, 3)
         self._append(points, indices, np.repeat(normals, 3, axis=0), np.asarray(uv).reshape(-1, 2), material)
 
-    def quad(
-        self, corners: Sequence[Point], material: str, uv: Sequence[Sequence[float]] | None = None
-    ) -> None:
+    def quad(self, corners: Sequence[Point], material: str, uv: Sequence[Sequence[float]] | None = None) -> None:
         """Add one open sheet of two triangles; corners counter-clockwise."""
         self.quads([corners], material, None if uv is None else [uv])
 
@@ -144,9 +140,7 @@ class Builder:
     def _hexahedron(self, corners: Floats, material: str) -> None:
         self.flat(corners, [(q[0], q[i], q[i + 1]) for q in _BOX for i in (1, 2)], material)
 
-    def _append(
-        self, points: Floats, indices: NDArray[np.int64], normals: Floats, uv: Floats, material: str
-    ) -> None:
+    def _append(self, points: Floats, indices: NDArray[np.int64], normals: Floats, uv: Floats, material: str) -> None:
         self._parts.append((points, indices, normals, uv))
         self._material_id.append(self._index[material])
         self._object_id.append(self._objects)

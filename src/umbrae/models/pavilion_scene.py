@@ -87,16 +87,10 @@ def _temple(build: Builder) -> None:
         build.box((west, FLOOR + 2.8, z - 0.25), (east, CEILING, z + 0.25), "plaster")
     for x in (COLUMNS_X[0], COLUMNS_X[-1]):
         build.box((x - 0.25, FLOOR + 2.8, north + 0.5), (x + 0.25, CEILING, south - 0.5), "plaster")
-    _slab_with_hole(
-        build, (west - 0.28, CEILING, north - 0.28), (east + 0.28, CEILING + 0.2, south + 0.28), "plaster"
-    )
-    _slab_with_hole(
-        build, (west - 0.1, CEILING + 0.2, north - 0.1), (east + 0.1, CEILING + 0.32, south + 0.1), "roof"
-    )
+    _slab_with_hole(build, (west - 0.28, CEILING, north - 0.28), (east + 0.28, CEILING + 0.2, south + 0.28), "plaster")
+    _slab_with_hole(build, (west - 0.1, CEILING + 0.2, north - 0.1), (east + 0.1, CEILING + 0.32, south + 0.1), "roof")
     for z in np.linspace(SKYLIGHT[2] + 0.2, SKYLIGHT[3] - 0.2, 5):
-        build.beam(
-            (SKYLIGHT[0] - 0.1, CEILING + 0.4, z), (SKYLIGHT[1] + 0.1, CEILING + 0.4, z), 0.06, 0.14, "timber"
-        )
+        build.beam((SKYLIGHT[0] - 0.1, CEILING + 0.4, z), (SKYLIGHT[1] + 0.1, CEILING + 0.4, z), 0.06, 0.14, "timber")
 
 
 def _slab_with_hole(build: Builder, low: Sequence[float], high: Sequence[float], material: str) -> None:
@@ -210,9 +204,7 @@ def _furniture(build: Builder) -> None:
 
 
 def _materials() -> list[Material]:
-    def plain(
-        name: str, color: str, alpha: float = 1.0, mode: AlphaMode = "OPAQUE", pass_on: float = 0.0
-    ) -> Material:
+    def plain(name: str, color: str, alpha: float = 1.0, mode: AlphaMode = "OPAQUE", pass_on: float = 0.0) -> Material:
         return Material((*_linear(color), alpha), mode, transmission=pass_on, name=name)
 
     def pictured(name: str, texture: textures.Texture, mode: AlphaMode = "OPAQUE") -> Material:
@@ -250,7 +242,5 @@ def _materials() -> list[Material]:
 
 def _linear(color: str) -> tuple[float, float, float]:
     """Linear values of an sRGB colour given as `rrggbb`."""
-    r, g, b = (
-        (c / 255 / 12.92 if c <= 10 else ((c / 255 + 0.055) / 1.055) ** 2.4) for c in bytes.fromhex(color)
-    )
+    r, g, b = ((c / 255 / 12.92 if c <= 10 else ((c / 255 + 0.055) / 1.055) ** 2.4) for c in bytes.fromhex(color))
     return r, g, b

@@ -20,9 +20,7 @@ MAX_TRIANGLES = 100_000_000
 _COLORS = ((0.72, 0.33, 0.22), (0.80, 0.62, 0.36), (0.42, 0.52, 0.36), (0.28, 0.42, 0.52), (0.82, 0.78, 0.70))
 
 
-def sphere(
-    center: Vector = (0.0, 0.0, 0.0), radius: float = 1.0, segments: int = 32, rings: int = 16
-) -> Scene:
+def sphere(center: Vector = (0.0, 0.0, 0.0), radius: float = 1.0, segments: int = 32, rings: int = 16) -> Scene:
     """A closed sphere of `2 * segments * (rings - 1)` triangles, wound outward, with smooth normals.
 
     Parameters
@@ -77,9 +75,7 @@ def spheres(grid: tuple[int, int] = (10, 10), triangles: int = 100_000) -> Scene
     kind = 1 + (2 * (each % columns) + each // columns + each // len(_COLORS) ** 2) % len(_COLORS)
     return Scene(
         np.concatenate([ground, (centers[:, None] + normals).reshape(-1, 3)]).astype(np.float32),
-        np.concatenate(
-            [[(0, 1, 2), (0, 2, 3)], (4 + each[:, None, None] * vertices + indices).reshape(-1, 3)]
-        ),
+        np.concatenate([[(0, 1, 2), (0, 2, 3)], (4 + each[:, None, None] * vertices + indices).reshape(-1, 3)]),
         materials=[Material((0.62, 0.60, 0.57, 1.0), name="ground")]
         + [Material((*color, 1.0), name=f"sphere {i}") for i, color in enumerate(_COLORS)],
         material_id=np.concatenate([[0, 0], np.repeat(kind, faces)]),

@@ -28,9 +28,7 @@ def tree(build: Builder, foot: Point, height: float, seed: int) -> None:
         tips,
     )
     cards = [card for tip in tips for card in _cards(rng, tip, 0.075 * height)]
-    build.quads(
-        np.array(cards), "leaf", np.tile([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)], (len(cards), 1, 1))
-    )
+    build.quads(np.array(cards), "leaf", np.tile([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)], (len(cards), 1, 1)))
 
 
 def _grow(
@@ -77,7 +75,5 @@ def _cards(rng: np.random.Generator, tip: Floats, size: float) -> list[list[Floa
         across /= np.linalg.norm(across)
         along = np.cross(normal / np.linalg.norm(normal), across)
         half = 0.5 * size * rng.uniform(0.8, 1.3)
-        cards.append(
-            [centre + half * (sx * across + sy * along) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-        )
+        cards.append([centre + half * (sx * across + sy * along) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
     return cards

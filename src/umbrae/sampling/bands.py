@@ -32,9 +32,7 @@ class Geometry(NamedTuple):
     positions: NDArray[np.float32]
     triangles: NDArray[np.int32]
     vertices: NDArray[np.float64]  # (v, 3), see coverage.py
-    boxes: NDArray[
-        np.int32
-    ]  # (t, 4) first and last row, first and last column; last row before first: unseen
+    boxes: NDArray[np.int32]  # (t, 4) first and last row, first and last column; last row before first: unseen
 
 
 def _chunks(count: int) -> list[tuple[int, int]]:
@@ -53,9 +51,7 @@ def project(scene: Scene, camera: Camera) -> Geometry:
     return Geometry(scene.positions, scene.triangles, vertices, np.empty((len(scene.triangles), 4), np.int32))
 
 
-def list_by_band(
-    geometry: Geometry, picture: Picture, band_rows: int
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+def list_by_band(geometry: Geometry, picture: Picture, band_rows: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """Find the triangles' boxes and list the triangles by the bands they touch, in order of their index.
 
     Returns

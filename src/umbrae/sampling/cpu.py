@@ -44,9 +44,7 @@ class _Surface(NamedTuple):
     textures: Textures
 
 
-def sample(
-    scene: Scene, camera: Camera, samples_per_pixel: int = 1, clock: Clock | None = None
-) -> ViewSamples:
+def sample(scene: Scene, camera: Camera, samples_per_pixel: int = 1, clock: Clock | None = None) -> ViewSamples:
     """Find the point of the scene that the camera sees at each sample of its picture.
 
     Triangles are seen from both sides. Surfaces of alpha mode MASK are seen through where their alpha is
