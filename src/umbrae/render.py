@@ -14,7 +14,7 @@ from umbrae.memory import require
 from umbrae.methods import Method, make_method
 from umbrae.sampling import sample
 from umbrae.scene import Scene
-from umbrae.shade import shade
+from umbrae.shade import shade, up_axis
 
 Vector = Sequence[float] | NDArray[np.floating]
 
@@ -58,6 +58,7 @@ def render(
         When the picture would not fit into memory.
     """
     clock = clock or Clock()
+    up = up_axis(up)
     if camera is None:
         camera = Camera.frame(scene, up=up)
     shining = _lights(lights, camera, up)
@@ -84,9 +85,9 @@ def default_sun(camera: Camera, up: Vector = (0.0, 1.0, 0.0)) -> Light:
     """A warm sun behind the camera's left shoulder: shadows fall to the right and away from the eye."""
     _right, upward, forward = camera.axes
     # Looking straight down, what is up in the picture lies ahead.
-    steep = abs(float(forward @ np.asarray(up, np.float64))) > 0.99 * float(np.linalg.norm(up))
-    behind = -upward if steep else -forward
-    return Light.sun(_SUN_AZIMUTH, _SUN_ELEVATION, up=up, north=behind, color=_SUN_COLOR)
+    axis = up_axis(up)
+    behind = -upward if abs(float(forward @ axis)) > 0.99 else -forward
+    return Light.sun(_SUN_AZIMUTH, _SUN_ELEVATION, up=axis, north=behind, color=_SUN_COLOR)
 
 
 def _lights(lights: Light | Sequence[Light] | None, camera: Camera, up: Vector) -> tuple[Light, ...]:

@@ -75,6 +75,16 @@ def shade(
     return pixels
 
 
+def up_axis(up: Sequence[float] | NDArray[np.floating]) -> NDArray[np.float64]:
+    """World up as a unit vector `(3,)`; an `InputError` if it is none."""
+    axis = np.asarray(up, np.float64)
+    length = float(np.linalg.norm(axis)) if axis.shape == (3,) else math.nan
+    if not 0.0 < length < math.inf:
+        raise InputError(f"up: wanted 3 finite numbers, not all zero, got {up}")
+    direction: NDArray[np.float64] = axis / length
+    return direction
+
+
 def mask_image(mask: ShadowMask) -> NDArray[np.uint8]:
     """A shadow mask as a grey picture `(h, w) uint8`: 255 lit, 0 dark, averaged over a pixel's samples."""
     dark = mask.in_shadow
@@ -148,10 +158,6 @@ def _read_only(array: NDArray[Any]) -> NDArray[Any]:
 
 def _view(camera: Camera, samples: ViewSamples, per_pixel: int, up: Sequence[float] | NDArray[np.floating]) -> View:
     shape = (camera.height, camera.width, per_pixel)
-    up_axis = np.asarray(up, np.float64)
-    length = float(np.linalg.norm(up_axis)) if up_axis.shape == (3,) else math.nan
-    if not 0.0 < length < math.inf:
-        raise InputError(f"shade: wanted an up vector of 3 finite numbers that is not zero, got {up}")
     right, upward, forward = camera.axes
     tan_y = math.tan(math.radians(camera.fov_y) / 2)
     tan_x = tan_y * camera.width / camera.height
@@ -169,7 +175,7 @@ def _view(camera: Camera, samples: ViewSamples, per_pixel: int, up: Sequence[flo
                 forward - tan_x * right + tan_y * upward,
                 step * right,
                 -step * upward,
-                up_axis / length,
+                up_axis(up),
             ]
         ),
     )
@@ -180,7 +186,8 @@ def _lighting(
 ) -> Lighting:
     position = np.array([light.position for light in lights], np.float64).reshape(-1, 4)
     radiance = np.array([light.color for light in lights], np.float64).reshape(-1, 3)
-    radiance *= np.array([light.intensity for light in lights], np.float64).reshape(-1, 1)
+    with np.errstate(over="ignore"):
+        radiance *= np.array([light.intensity for light in lights], np.float64).reshape(-1, 1)
     if not np.isfinite(radiance).all():
         raise InputError("shade: wanted lights whose colour times intensity is finite")
     exposure = 1.0 / max(1.0, float(radiance.max(axis=1, initial=0.0).sum()))
