@@ -53,8 +53,8 @@ def test_defaults_make_a_picture_of_the_whole_scene():
 
 def test_frame_fills_the_picture():
     scene = floor_and_roof()
-    for width, height in ((64, 40), (40, 64), (300, 20)):
-        camera = Camera.frame(scene, width=width, height=height)
+    for width, height, up in ((64, 40, (0, 1, 0)), (40, 64, (0, 0, 1)), (300, 20, (1, 1, 1))):
+        camera = Camera.frame(scene, up, width=width, height=height)
         x, y, w = camera.world_to_clip @ np.column_stack([scene.positions, np.ones(8)]).T
         assert (w > camera.near).all()
         low, high = np.array([(x / w).min(), (y / w).min()]), np.array([(x / w).max(), (y / w).max()])
@@ -119,6 +119,8 @@ def test_wrong_input_is_refused():
     for wrong in (0, -1, 1.5, "4"):
         with pytest.raises(OptionError, match="samples_per_pixel"):
             render(scene, camera, samples_per_pixel=wrong)
+    with pytest.raises(InputError, match="up: wanted a vector that is not zero"):
+        Camera.frame(scene, up=(0, 0, 0))
     for wrong in ((0, 0, 0), (0, 1), (0, np.nan, 0)):
         with pytest.raises(InputError, match="up"):
             render(scene, camera, up=wrong)

@@ -95,8 +95,11 @@ class Camera:
         low, high = scene.bounds.astype(np.float64)
         center = (low + high) / 2
         radius = float(np.linalg.norm(high - low)) / 2 or 1.0
-        up_axis = _three(up, "up") / (float(np.linalg.norm(_three(up, "up"))) or 1.0)
-        side = np.roll(up_axis, 1)
+        up_axis = _three(up, "up")
+        if not up_axis.any():
+            raise InputError("Camera.up: wanted a vector that is not zero")
+        up_axis = up_axis / np.linalg.norm(up_axis)
+        side = np.roll(np.eye(3)[int(np.argmax(np.abs(up_axis)))], 1)
         side = side - up_axis * float(side @ up_axis)
         side = side / np.linalg.norm(side)
         other = np.cross(up_axis, side)
