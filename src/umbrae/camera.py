@@ -103,7 +103,7 @@ class Camera:
         side = side - up_axis * float(side @ up_axis)
         side = side / np.linalg.norm(side)
         other = np.cross(up_axis, side)
-        toward = 0.55 * side + 0.75 * other + 0.45 * up_axis
+        toward = 0.75 * side + 0.55 * other + 0.45 * up_axis
         toward = toward / np.linalg.norm(toward)
         axes = cls.look_at(center + toward * radius, center, up_axis, fov_y, width, height).axes
         used = np.unique(scene.triangles)

@@ -1,7 +1,7 @@
 """Diffuse shading of view samples, row by row: the kernel behind `umbrae.shade`.
 
 The tone of the picture is fixed by the constants below: a surface that squarely faces a light of intensity 1
-receives 1, sky and ground fill every shadow with about a third of that, and a shoulder keeps full sun on
+receives 1, sky and ground fill every shadow with about a fifth of that, and a shoulder keeps full sun on
 white from clipping.
 """
 
@@ -16,17 +16,17 @@ from umbrae.geometry.normals import facet_normal, smooth_normal, towards_light
 from umbrae.geometry.vectors import Vec3, add, dot, interpolate, mix, row, scale, subtract, times, unit
 from umbrae.parallel import inline, kernel
 
-DIRECT = 0.88
+DIRECT = 1.25
 """What a surface receives that squarely faces a white light of intensity 1."""
-SKY_LIGHT = (0.23, 0.27, 0.34)
+SKY_LIGHT = (0.155, 0.195, 0.265)
 """What a surface receives that faces straight up, linear RGB."""
-GROUND_LIGHT = (0.20, 0.175, 0.15)
+GROUND_LIGHT = (0.15, 0.13, 0.11)
 """What a surface receives that faces straight down: the sun's bounce off the ground."""
 FACING_FILL = 0.25
 """Share of the ambient light that depends on how squarely a surface faces the eye: dark walls differ."""
-HORIZON = (0.66, 0.76, 0.86)
+HORIZON = (0.74, 0.80, 0.86)
 ZENITH = (0.16, 0.36, 0.68)
-GROUND = (0.235, 0.235, 0.24)
+GROUND = (0.52, 0.52, 0.51)
 """Background, linear RGB: the sky at the horizon and overhead, and the ground under the eye."""
 SHOULDER = 0.65
 """Linear value above which highlights are compressed towards 1."""
