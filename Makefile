@@ -4,7 +4,7 @@ PYTHON ?= python3
 # The view and the sun of models.pavilion_camera() and pavilion_light().
 PAVILION = --eye 7,7.4,25 --target 0.2,0.6,0.6 --fov 36 --sun 238,32 --samples-per-pixel 4
 
-.PHONY: demo test check clean
+.PHONY: demo test check clean clean-kernels
 
 demo: .venv/.installed
 	@mkdir -p out
@@ -23,6 +23,9 @@ check: .venv/.installed-dev
 clean:
 	rm -rf .venv out dist build tests/failures .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find src tests examples -name __pycache__ -type d -prune -exec rm -rf {} +
+
+clean-kernels:
+	find src -name '*.nb[ic]' -delete
 
 .venv/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
