@@ -7,9 +7,9 @@ progress and can be interrupted between tasks.
 
 import os
 from collections.abc import Callable
-from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from functools import lru_cache
-from threading import Lock
+from threading import Lock, current_thread
 from typing import Any
 
 from numba import njit
@@ -39,9 +39,16 @@ def thread_count() -> int:
     return os.cpu_count() or 1
 
 
+_NAME = "umbrae"
+
+
 @lru_cache(maxsize=4)
 def _pool(threads: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(threads, thread_name_prefix="umbrae")
+    return ThreadPoolExecutor(threads, thread_name_prefix=_NAME)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked child has no threads but the one that forked
 
 
 def run(task: Callable[[int], Any], count: int, clock: Clock | None = None) -> list[Any]:
@@ -52,7 +59,8 @@ def run(task: Callable[[int], Any], count: int, clock: Clock | None = None) -> l
     """
     results: list[Any] = [None] * count
     threads = min(thread_count(), count)
-    if threads <= 1:
+    # A task that calls `run` goes on alone: all threads are taken, some perhaps by tasks that wait for this one.
+    if threads <= 1 or current_thread().name.startswith(_NAME):
         for index in range(count):
             results[index] = task(index)
             if clock is not None:
@@ -76,8 +84,10 @@ def run(task: Callable[[int], Any], count: int, clock: Clock | None = None) -> l
             with lock:
                 finished += 1
 
-    pending = {_pool(threads).submit(worker) for _ in range(threads)}
+    pending: set[Future[None]] = set()
     try:
+        for _ in range(threads):
+            pending.add(_pool(threads).submit(worker))
         while pending:
             done, pending = wait(pending, timeout=0.1, return_when=FIRST_EXCEPTION)
             for future in done:

@@ -12,7 +12,7 @@ from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods import sample_tree
 from umbrae.methods.frustum_traversal import BATCH, COUNTERS, facing_chunk, merge, traverse_batch
-from umbrae.methods.light_frame import LightFrame, light_frames
+from umbrae.methods.light_frame import LightFrame, light_frames, surface_error
 from umbrae.methods.method import Caster, Method
 from umbrae.parallel import run
 from umbrae.samples import ViewSamples
@@ -61,11 +61,10 @@ class Frustum(Method):
 
 
 class FrustumCaster(Caster):
-    """The raw arrays and their bounds, and the solids if wanted; everything else depends on the light."""
+    """The raw arrays, and the solids if wanted; everything else depends on the light."""
 
     def __init__(self, scene: Scene, front_face_culling: bool) -> None:
         self.scene = scene
-        self.bounds = scene.bounds.astype(np.float64)
         self.solids: Solids | None = None
         if front_face_culling and len(scene.triangles):
             solid = np.array([material.casts_solid for material in scene.materials])
@@ -73,32 +72,37 @@ class FrustumCaster(Caster):
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         clock = clock or Clock()
+        shape = samples.shape
         in_shadow = np.zeros(samples.size, bool)
         stats = np.zeros(len(COUNTERS), np.int64)
         if len(self.scene.triangles) and samples.size:
             source = light.position.astype(np.float64)
             with clock.span("facing"):
-                facing = self._facing(source, clock)
+                facing, bounds = self._facing(source, clock)
+            if samples.shape == ():
+                samples = samples.take(np.zeros(1, np.intp))
             width = samples.size // samples.shape[0]
             step = max(4, BLOCK // width // 4 * 4)
             for start in range(0, samples.shape[0], step):
                 block = samples.rows(start, start + step)
                 part = in_shadow[start * width : (start + step) * width]
-                stats += self._shadow_block(source, block, facing, part, clock)
+                stats += self._shadow_block(source, block, facing, bounds, part, clock)
         counters = dict(zip(COUNTERS, (int(n) for n in stats), strict=True))
-        return ShadowMask(in_shadow.reshape(samples.shape), Guarantee.EXACT, stats=counters)
+        return ShadowMask(in_shadow.reshape(shape), Guarantee.EXACT, stats=counters)
 
     def _shadow_block(
         self,
         source: NDArray[np.float64],
         samples: ViewSamples,
         facing: NDArray[np.int8],
+        bounds: NDArray[np.float64],
         in_shadow: NDArray[np.bool_],
         clock: Clock,
     ) -> NDArray[np.int64]:
         with clock.span("hierarchy"):
-            frames = light_frames(source, self._bounds_with(samples))
-            leaves, trees = sample_tree.build(samples, facing, source, frames, in_shadow, clock)
+            frames = light_frames(source, _including(bounds, samples))
+            error = surface_error(bounds)
+            leaves, trees = sample_tree.build(samples, facing, source, frames, error, in_shadow, clock)
         with clock.span("traversal"):
             stats = self._traverse(source, samples, facing, frames, leaves, trees, clock)
         with clock.span("merge"):
@@ -107,24 +111,18 @@ class FrustumCaster(Caster):
                     merge(tree.level, tree.slot, tree.full, leaves.own, leaves.sample, in_shadow)
         return stats
 
-    def _facing(self, source: NDArray[np.float64], clock: Clock) -> NDArray[np.int8]:
+    def _facing(self, source: NDArray[np.float64], clock: Clock) -> tuple[NDArray[np.int8], NDArray[np.float64]]:
+        """Which side of each triangle the light is on, and the bounds `(2, 3)` of the scene."""
         count = len(self.scene.triangles)
         facing = np.empty(count, np.int8)
+        bounds = np.empty((-(-count // _FACING_CHUNK), 2, 3))
 
         def task(chunk: int) -> None:
             start, stop = chunk * _FACING_CHUNK, min((chunk + 1) * _FACING_CHUNK, count)
-            facing_chunk(self.scene.positions, self.scene.triangles, source, start, stop, facing)
+            facing_chunk(self.scene.positions, self.scene.triangles, source, start, stop, facing, bounds[chunk])
 
-        run(task, -(-count // _FACING_CHUNK), clock)
-        return facing
-
-    def _bounds_with(self, samples: ViewSamples) -> NDArray[np.float64]:
-        """The scene's bounds, and the samples' where some are free points."""
-        if samples.camera is not None or (samples.triangle >= 0).all():
-            return self.bounds
-        points = samples.position.reshape(-1, 3)
-        low = np.minimum(self.bounds[0], points.min(axis=0))
-        return np.stack([low, np.maximum(self.bounds[1], points.max(axis=0))])
+        run(task, len(bounds), clock)
+        return facing, np.stack([bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)])
 
     def _traverse(
         self,
@@ -184,3 +182,11 @@ class FrustumCaster(Caster):
         inside = (point >= self.solids.lower - distance) & (point <= self.solids.upper + distance)
         outside: NDArray[np.bool_] = np.logical_not(inside.all(axis=1))
         return outside
+
+
+def _including(bounds: NDArray[np.float64], samples: ViewSamples) -> NDArray[np.float64]:
+    """The scene's bounds `(2, 3)`, widened to the samples where some are free points."""
+    if samples.camera is not None or (samples.triangle >= 0).all():
+        return bounds
+    points = samples.position.reshape(-1, 3)
+    return np.stack([np.minimum(bounds[0], points.min(axis=0)), np.maximum(bounds[1], points.max(axis=0))])

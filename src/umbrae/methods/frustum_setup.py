@@ -10,11 +10,16 @@ side plane's normal and n the triangle's. Then, with P = (x, y, ...) in window u
 with F = n . (l - w V0), over |l_c| for a directional light, and N . V0 there also being N_a X(V0) + N_b Y(V0).
 
 Errors. N and n come from float64 differences and products: each component is off by less than 2**-50 of its
-permanent m (two products of two rounded factors). The value of the plane anywhere in the window is therefore off by
-at most 2**-49 (m_a |X| + m_b |Y| + m_c |1| + |Q| m_F) with the magnitudes of V0 added to |X|, |Y| for a directional
-light, 2**-49 instead of 2**-50 for the sums. Dividing a plane by |a| + |b| + |c| makes this the `bound` of the row;
-`FLOAT_ERROR` covers rounding the coefficients to float32 (2**-24 each) and evaluating up to four terms in float32
-(2**-24 for each product and sum, at most 4 on a path): 5.01 * 2**-24 of |a| + |b| + |c| + |d q|, as |x|, |y| <= 1.
+permanent m (two products of two factors with one rounding each; hence edges are differences of positions, not of
+positions relative to the light, which are rounded already). The value of the plane anywhere in the window is therefore
+off by at most 2**-49 (m_a |X| + m_b |Y| + m_c |1| + |Q| m_F) with the magnitudes of V0 added to |X|, |Y| for a
+directional light, 2**-49 instead of 2**-50 for the sums. Dividing a plane by |a| + |b| + |c| makes this the `bound`
+of the row; `FLOAT_ERROR` covers rounding the coefficients to float32 (2**-24 each) and evaluating up to four terms in
+float32 (2**-24 for each product and sum, at most 4 on a path): 5.01 * 2**-24 of |a| + |b| + |c| + |d q|, as |x|,
+|y| <= 1. The part that grows with q, which is not bounded by its window near a point light, has a bound per unit of q.
+
+Range. d is kept below `LARGEST_D` by dividing by more than |a| + |b| + |c| where need be, and |q| stays below
+`sample_clusters.LARGEST_Q`: their product is a float32 number.
 """
 
 import numpy as np
@@ -25,9 +30,20 @@ from umbrae.parallel import inline
 FLOAT_ERROR = 6.0 * 2.0**-24
 
 ROW = 16
-"""Numbers per frustum: 3 x (a, b, c), then a, b, c, d, then the bounds of the sides and of the triangle's plane."""
+"""Numbers per frustum: 3 x (a, b, c), then a, b, c, d, then three bounds.
 
-BOUND_SIDES, BOUND_PLANE = 13, 14
+Those of the sides, of the triangle's plane where q = 0, and what is added to the latter per unit of |q|.
+"""
+
+BOUND_SIDES, BOUND_PLANE, BOUND_Q = 13, 14, 15
+
+LARGEST_D = 2.0**64
+
+
+@inline
+def _edge(positions, i, j, axis):
+    """One component of the edge from vertex i to j, rounded once."""
+    return np.float64(positions[j, axis]) - np.float64(positions[i, axis])
 
 
 @inline
@@ -67,7 +83,8 @@ def set_up_frustum(positions, i, j, k, light, facing, frame, box, root, rect, ro
 
     Writes `rect` (xmin, xmax, ymin, ymax, qmax; infinite where a vertex lies behind a point light's frame) and `row`.
     Returns False, with `row` untouched, when the frustum holds no sample in the box of `root`: all vertices behind
-    the frame, or the bounds outside the box.
+    the frame (which says nothing about samples of unsure direction, for which the box is infinite), or the bounds
+    outside the box.
     """
     w = light[3]
     a, b, c = frame.axis_a, frame.axis_b, frame.axis_c
@@ -78,7 +95,7 @@ def set_up_frustum(positions, i, j, k, light, facing, frame, box, root, rect, ro
     reach = max(abs(a0), abs(a1), abs(a2)) + max(abs(b0), abs(b1), abs(b2)) + max(abs(c0), abs(c1), abs(c2))
     if w != 0.0:
         z0, z1, z2 = frame.sign * c0, frame.sign * c1, frame.sign * c2
-        if max(z0, z1, z2) <= 0.0:
+        if max(z0, z1, z2) <= 0.0 and box[XMIN, root] > -np.inf:
             return False
         in_front = min(z0, z1, z2) > 2.0**-40 * reach
         if in_front:
@@ -126,10 +143,9 @@ def set_up_frustum(positions, i, j, k, light, facing, frame, box, root, rect, ro
         return False
     inside = -1.0 if facing > 0 else 1.0
     reach_a, reach_b = abs(frame.x0) + frame.hx, abs(frame.y0) + frame.hy
-    reach_q = abs(frame.q0) + frame.hq
-    ea, eb, ec = a1 - a0, b1 - b0, c1 - c0
-    fa, fb, fc = a2 - a0, b2 - b0, c2 - c0
-    ga, gb, gc = a2 - a1, b2 - b1, c2 - c1
+    ea, eb, ec = _edge(positions, i, j, a), _edge(positions, i, j, b), _edge(positions, i, j, c)
+    fa, fb, fc = _edge(positions, i, k, a), _edge(positions, i, k, b), _edge(positions, i, k, c)
+    ga, gb, gc = _edge(positions, j, k, a), _edge(positions, j, k, b), _edge(positions, j, k, c)
     m1, m2, m3, m4, m5, m6 = eb * fc, ec * fb, ec * fa, ea * fc, ea * fb, eb * fa
     na, nb, nc = m1 - m2, m3 - m4, m5 - m6
     ma, mb, mc = abs(m1) + abs(m2), abs(m3) + abs(m4), abs(m5) + abs(m6)
@@ -157,11 +173,12 @@ def set_up_frustum(positions, i, j, k, light, facing, frame, box, root, rect, ro
     row[BOUND_SIDES] = bound * 1.000001 + FLOAT_ERROR
     constant = constant + na * frame.x0 + nb * frame.y0 + towards * frame.q0
     na, nb, towards = na * frame.hx, nb * frame.hy, towards * frame.hq
-    size = abs(na) + abs(nb) + abs(constant)
-    if size == 0.0:
-        size = abs(towards) if towards != 0.0 else 1.0
-    factor = 1.0 / size
-    row[BOUND_PLANE] = 2.0**-49 * (error + error_q * reach_q) * factor * 1.000001 + FLOAT_ERROR
+    size = max(abs(na) + abs(nb) + abs(constant), abs(towards) / LARGEST_D)
+    factor = 1.0 / size if size > 0.0 else 1.0
+    error = 2.0**-49 * factor * (error + error_q * abs(frame.q0))
+    error_q = 2.0**-49 * factor * error_q * frame.hq
+    row[BOUND_PLANE] = error * 1.000001 + FLOAT_ERROR
+    row[BOUND_Q] = error_q * 1.000001 + FLOAT_ERROR * abs(towards) * factor
     factor = inside * factor
     row[9], row[10], row[11], row[12] = na * factor, nb * factor, constant * factor, towards * factor
     return True

@@ -13,7 +13,7 @@ it removes the false positives that four planes alone let through.
 import numpy as np
 
 from umbrae.geometry.predicates import EXACT, SHADOWED, facing, shadows
-from umbrae.methods.frustum_setup import BOUND_PLANE, BOUND_SIDES, FLOAT_ERROR, ROW, set_up_frustum
+from umbrae.methods.frustum_setup import BOUND_PLANE, BOUND_Q, BOUND_SIDES, ROW, set_up_frustum
 from umbrae.methods.sample_clusters import DARK, LANES
 from umbrae.methods.sample_tree import ARITY, QMAX, QMIN, XMAX, XMIN, YMAX, YMIN
 from umbrae.parallel import inline, kernel
@@ -35,10 +35,16 @@ COUNTERS = (
 
 
 @kernel
-def facing_chunk(positions, triangles, light, start, stop, out):
-    """Exact side of each triangle's plane that the light is on."""
+def facing_chunk(positions, triangles, light, start, stop, out, bounds):
+    """Exact side of each triangle's plane that the light is on, and the bounds `(2, 3)` of these triangles."""
+    bounds[0], bounds[1] = np.inf, -np.inf
     for t in range(start, stop):
         out[t] = facing(positions, triangles, t, light)
+        for corner in range(3):
+            for axis in range(3):
+                x = positions[triangles[t, corner], axis]
+                bounds[0, axis] = min(bounds[0, axis], x)
+                bounds[1, axis] = max(bounds[1, axis], x)
 
 
 @inline
@@ -77,7 +83,7 @@ def _against_box(row, xmin, xmax, ymin, ymax, qmin, qmax):
             inside = False
     a, b, c, d = row[9], row[10], row[11], row[12]
     cq, hq = half * (qmin + qmax), half * (qmax - qmin)
-    limit = np.float32(2.0) * (row[BOUND_PLANE] + np.float32(FLOAT_ERROR) * abs(d) * max(abs(qmin), abs(qmax)))
+    limit = np.float32(2.0) * (row[BOUND_PLANE] + row[BOUND_Q] * max(abs(qmin), abs(qmax)))
     middle = a * cx + b * cy + c + d * cq
     reach = abs(a) * hx + abs(b) * hy + abs(d) * hq
     if middle + reach < -limit:
@@ -110,7 +116,9 @@ def _leaf(
         a2, b2, c2 = rows[k, 6], rows[k, 7], rows[k, 8]
         a3, b3, c3, d3 = rows[k, 9], rows[k, 10], rows[k, 11], rows[k, 12]
         sides = rows[k, BOUND_SIDES] + slack_x
-        plane = rows[k, BOUND_PLANE] + slack_x + abs(d3) * (np.float32(FLOAT_ERROR) * reach_q + slack_q)
+        plane = rows[k, BOUND_PLANE] + slack_x + rows[k, BOUND_Q] * reach_q + abs(d3) * slack_q
+        if np.isnan(plane):
+            plane = np.float32(np.inf)  # 0 times infinity: nothing is known
         any_candidate = np.int32(0)
         for lane in range(LANES):
             x, y, q = leaf_x[slot, lane], leaf_y[slot, lane], leaf_q[slot, lane]
@@ -127,7 +135,8 @@ def _leaf(
         if any_candidate == 0:
             continue
         for lane in range(LANES):
-            if candidate[lane] == 0:
+            # A full list may have been settled since `candidate` was written.
+            if candidate[lane] == 0 or leaf_own[slot, lane] == DARK:
                 continue
             x, y, q = leaf_x[slot, lane], leaf_y[slot, lane], leaf_q[slot, lane]
             low = min(a0 * x + b0 * y + c0, a1 * x + b1 * y + c1, a2 * x + b2 * y + c2)

@@ -23,6 +23,9 @@ LANES = 16
 SPARE = 2
 """Slots per tile beyond one for each light frame: for samples of unsure direction, and for splitting."""
 
+LARGEST_Q = 2.0**60
+"""Samples with a larger q (that much nearer to a point light than the scene is wide) count as of unsure direction."""
+
 DARK = -2
 """In `Leaves.own`: this lane needs no more tests (in shadow, or padding)."""
 
@@ -87,14 +90,15 @@ def _choose(x, y, dx, frame, lanes, may_split, chosen):
 
 @kernel
 def cluster_tiles(
-    triangle, side, position, covered, facing, light, frames, height, width, order, start, stop,
+    triangle, side, position, covered, facing, light, frames, surface_error, height, width, order, start, stop,
     leaf_x, leaf_y, leaf_q, leaf_own, leaf_sample, leaf_slack, leaf_box, leaf_key, in_shadow,
 ):  # fmt: skip
     """Turn tiles `start` to `stop` into leaves, one or more per light frame that a tile's samples lie in.
 
-    Samples so near a point light that their direction is unsure get a leaf with an infinite slack: the exact
-    predicate will decide them against every triangle. Returns how many slots were filled, from the first that belongs
-    to tile `start`.
+    Positions on surfaces are off by at most `surface_error` and `POSITION_ERROR` of their largest coordinate. Samples
+    so near a point light that their direction is unsure get a leaf with an infinite slack in the first frame: the
+    exact predicate will decide them against every triangle. Returns how many slots were filled, from the first that
+    belongs to tile `start`.
     """
     directional = light[3] == 0.0
     count = len(frames)
@@ -127,7 +131,7 @@ def cluster_tiles(
                 continue
             x, y, z = np.float64(position[index, 0]), np.float64(position[index, 1]), np.float64(position[index, 2])
             largest = max(abs(x), abs(y), abs(z))
-            error = POSITION_ERROR * largest if own >= 0 else 0.0
+            error = POSITION_ERROR * largest + surface_error if own >= 0 else 0.0
             frame = 0
             if not directional:
                 x, y, z = x - light[0], y - light[1], z - light[2]
@@ -153,8 +157,8 @@ def cluster_tiles(
                 z = abs(z)
                 # Rounding of P' itself, where P is exact: 2**-53 of it, so 2**-50 of P and P' is plenty.
                 error += 2.0**-50 * (largest + z)
-                if z <= 1024.0 * error:
-                    # The direction is unsure.
+                if z <= 1024.0 * error or z * LARGEST_Q <= scale_q:
+                    frame = 0
                     x, y, q, dx, dq = x0, y0, q0, np.inf, np.inf
                 else:
                     q = 1.0 / z

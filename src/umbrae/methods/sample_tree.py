@@ -63,12 +63,14 @@ def build(
     facing: NDArray[np.int8],
     light: NDArray[np.float64],
     frames: list[LightFrame],
+    surface_error: float,
     in_shadow: NDArray[np.bool_],
     clock: Clock | None,
 ) -> tuple[Leaves, list[SampleTree | None]]:
     """Cluster the samples and build one tree per frame (None where a frame has no samples).
 
-    Samples that their own triangle shades are set in `in_shadow` (flat) and left out.
+    Samples that their own triangle shades are set in `in_shadow` (flat) and left out. `surface_error` is said in
+    `light_frame.surface_error`.
     """
     height, width, order = _layout(samples)
     tiles = len(order) // LANES if len(order) else (-(-height // 4)) * (-(-width // 4))
@@ -93,7 +95,9 @@ def build(
 
     def task(number: int) -> NDArray[np.int64]:
         start, stop = number * _TILES_PER_TASK, min((number + 1) * _TILES_PER_TASK, tiles)
-        used = cluster_tiles(*raw, facing, light, table, height, width, order, start, stop, *leaves, in_shadow)
+        used = cluster_tiles(
+            *raw, facing, light, table, surface_error, height, width, order, start, stop, *leaves, in_shadow
+        )
         return np.arange(start * room, start * room + used)
 
     used = np.concatenate(run(task, -(-tiles // _TILES_PER_TASK), clock))
