@@ -22,7 +22,7 @@ LAYERS = [
     {"formats"},
     {"image", "mask", "samples", "camera", "light", "scene", "material"},
     {"geometry"},
-    {"memory", "parallel", "clock"},
+    {"memory", "parallel", "clock", "checks"},
     {"errors"},
 ]
 LEVEL = {room: level for level, rooms in enumerate(LAYERS) for room in rooms}

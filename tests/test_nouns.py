@@ -1,6 +1,7 @@
 """Scene, Light, Camera, ViewSamples, ShadowMask, Image, Material: what they hold and what they refuse."""
 
 import warnings
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -39,6 +40,11 @@ def test_scene_holds_float32_and_int32_copies_that_cannot_be_written():
         ({"material_id": [0, 0]}, r"material_id: wanted \(1,\)"),
         ({"normals": [[0, 0, 1]]}, "normals: wanted 3 rows"),
         ({"uv": [[0, 0, 1]] * 3}, r"uv: wanted \(n, 2\)"),
+        ({"positions": [[0, 0, 0], [1, 0], [0, 1, 0]]}, "positions: .* different lengths"),
+        ({"positions": np.array(TRIANGLE, complex)}, "complex128"),
+        ({"material_id": [2**32]}, "int32"),
+        ({"colors": [[0, 0, 0, 255]] * 3}, r"colors: wanted numbers in \[0, 1\], got 0 to 255"),
+        ({"origin": [0, 0]}, "origin: wanted 3"),
     ],
 )
 def test_scene_refuses(arguments, message):
@@ -83,6 +89,19 @@ def test_sun_turns_clockwise_from_north(azimuth, elevation, up, expected):
     assert light.is_directional
 
 
+def test_sun_at_quarter_turns_is_exact():
+    """Else a sun in the zenith would graze walls from one side by 6e-17, and decide what exact methods say of them."""
+    assert um.Light.sun(0, 90).position.tolist() == [0, 1, 0, 0]
+    assert um.Light.sun(77, -90).position.tolist() == [0, -1, 0, 0]
+    for azimuth, level in ((90, (1, 0)), (180, (0, 1)), (-90, (-1, 0)), (450, (1, 0)), (720, (0, -1))):
+        assert um.Light.sun(azimuth, 0).position.tolist() == [level[0], 0, level[1], 0]
+
+
+def test_camera_takes_numpy_numbers():
+    camera = um.Camera.look_at((0, 0, 5), (0, 0, 0), fov_y=np.float32(50), width=np.int64(20), up=(0, 1e-200, 0))
+    assert (camera.fov_y, camera.width, camera.axes[1].tolist()) == (50.0, 20, [0, 1, 0])
+
+
 def test_sun_with_its_own_north():
     light = um.Light.sun(90, 0, up=(1, 0, 0), north=(0, 1, 0.0))
     np.testing.assert_allclose(light.position[:3], np.cross((0, 1, 0), (1, 0, 0)), atol=1e-7)
@@ -95,6 +114,12 @@ def test_sun_with_its_own_north():
         (lambda: um.Light.directional((0, 0, 1e-60)), "direction that is not zero"),
         (lambda: um.Light.point((0, np.nan, 0)), "finite"),
         (lambda: um.Light.point((0, 0)), "3 finite numbers"),
+        (lambda: um.Light.point("0,0,0"), "3 finite numbers"),
+        (lambda: um.Light.point((0, 1e300, 0)), "up to 1e18"),
+        (lambda: um.Light.point((0, 0, 0), color="red"), "color: wanted 3"),
+        (lambda: um.Light.sun("south", 10), "azimuth: wanted a finite number, got 'south'"),
+        (lambda: um.Light.sun(0, None), "elevation: wanted a finite number, got None"),
+        (lambda: um.Light.sun(0, 10, up=(1, 1, 1), north=(3, 3, 3)), "parallel"),
         (lambda: um.Light(np.array([0, 0, 1, 0.5])), "w = 0 or w = 1"),
         (lambda: um.Light.sun(0, 91), "-90 to 90"),
         (lambda: um.Light.sun(float("nan"), 10), "azimuth"),
@@ -126,6 +151,9 @@ def test_camera_maps_its_target_to_the_centre_and_right_to_right():
         ({"up": (0, 0, 0)}, "up"),
         ({"near": 0.0}, "near"),
         ({"eye": (0, 0, np.inf)}, "finite"),
+        ({"eye": "here"}, "eye: wanted 3"),
+        ({"fov_y": "wide"}, "fov_y: wanted a finite number"),
+        ({"width": 10.5}, "width: wanted a whole number"),
     ],
 )
 def test_camera_refuses(arguments, message):
@@ -160,7 +188,7 @@ def test_view_samples_on_surface_and_free():
     [
         (lambda s: um.ViewSamples.on_surface(s, [1], [[0, 0]]), "wanted triangles 0 to 0"),
         (lambda s: um.ViewSamples.on_surface(s, [0], [[0.5, np.nextafter(np.float32(0.5), 1)]]), r"u \+ v <= 1"),
-        (lambda s: um.ViewSamples.on_surface(s, [0], [[1.0, 1e-30]]), r"u \+ v <= 1"),
+        (lambda s: um.ViewSamples.on_surface(s, [0], [[1.0, 1e-15]]), r"u \+ v <= 1"),
         (lambda s: um.ViewSamples.on_surface(s, [0], [[-1e-30, 0]]), "u, v >= 0"),
         (lambda s: um.ViewSamples.on_surface(s, [0], [[np.nan, 0]]), "u, v >= 0"),
         (lambda s: um.ViewSamples.on_surface(s, [0, 0], [[0, 0]]), "barycentrics"),
@@ -172,6 +200,53 @@ def test_view_samples_on_surface_and_free():
 def test_view_samples_refuse(make, message):
     with pytest.raises(um.InputError, match=message):
         make(um.Scene(TRIANGLE, [[0, 1, 2]]))
+
+
+@pytest.mark.parametrize(("u", "v"), [(1 / 3, 2 / 3), (0.1, 0.9), (0.7, 0.3), (1.0, 1e-30), (1 - 1e-9, 1e-9)])
+def test_barycentrics_on_an_edge_are_rounded_to_the_inside(u, v):
+    scene = um.Scene(TRIANGLE, [[0, 1, 2]])
+    stored = um.ViewSamples.on_surface(scene, [0, 0], [(u, v), (v, u)]).barycentric
+    for pair in stored.tolist():
+        assert sum(map(Fraction, pair)) <= 1
+    np.testing.assert_allclose(stored, [(u, v), (v, u)], atol=2.0**-23)
+
+
+@pytest.mark.parametrize("method", um.METHODS)
+def test_samples_of_another_scene_are_refused(method):
+    here = um.Scene(TRIANGLE, [[0, 1, 2]])
+    moved = um.Scene(np.array(TRIANGLE) + 1.0, [[0, 1, 2], [0, 2, 1]])
+    light = um.Light.point((0, 5, 0))
+    beyond = um.ViewSamples.on_surface(moved, [1], [(0.25, 0.25)])
+    elsewhere = um.ViewSamples.on_surface(moved, [0], [(0.25, 0.25)])
+    for samples, message in ((beyond, "triangles 1 to 1, this has 1"), (elsewhere, "do not lie on")):
+        with pytest.raises(um.InputError, match=message):
+            um.shadow(here, light, samples, method=method)
+        with pytest.raises(um.InputError, match=message):
+            um.verify(here, light, samples, um.ShadowMask(np.zeros(1, bool), um.Guarantee.EXACT))
+
+
+def test_one_thing_in_place_of_another_is_named():
+    scene, light, samples = (
+        um.Scene(TRIANGLE, [[0, 1, 2]]),
+        um.Light.point((0, 5, 0)),
+        um.ViewSamples.points([[0, 0, 0]]),
+    )
+    for make, message in (
+        (lambda: um.shadow(scene, (0, 5, 0), samples), "light: wanted Light, got tuple"),
+        (lambda: um.shadow("model.glb", light, samples), "scene: wanted Scene, got str"),
+        (lambda: um.shadow(scene, light, [[0, 0, 0]]), "samples: wanted ViewSamples, got list"),
+        (lambda: um.shadow(scene, light, samples, method=None), "wanted a name or a Method object, got None"),
+        (lambda: um.verify(scene, light, samples, np.zeros(1, bool)), "mask: wanted ShadowMask"),
+        (lambda: um.sample(scene, None), "camera: wanted Camera, got NoneType"),
+        (lambda: um.render(scene, (0, 0, 5)), "camera: wanted Camera, got tuple"),
+        (lambda: um.render(scene, lights=(0, 5, 0)), "lights: wanted Light, got int"),
+        (lambda: um.Camera.frame("model.glb"), "scene: wanted Scene"),
+        (lambda: um.Scene(TRIANGLE, [[0, 1, 2]], materials=["red"]), "materials: wanted Material, got str"),
+        (lambda: um.load(None), "wanted a path, got None"),
+        (lambda: um.save("model.glb", scene), "save: scene: wanted Scene"),
+    ):
+        with pytest.raises(um.InputError, match=message):
+            make()
 
 
 def test_material_takes_pillow_images_and_refuses_nonsense():

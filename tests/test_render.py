@@ -110,9 +110,9 @@ def test_wrong_input_is_refused():
     scene, camera = floor_and_roof(), Camera.look_at((0, 3, 9), (0, 0, 0), **SMALL)
     with pytest.raises(InputError, match="at least one light"):
         render(scene, camera, [])
-    with pytest.raises(InputError, match="wanted Light objects, got str"):
+    with pytest.raises(InputError, match="wanted Light, got str"):
         render(scene, camera, ["sun"])
-    with pytest.raises(InputError, match="wanted Light objects, got int"):
+    with pytest.raises(InputError, match="wanted Light, got int"):
         render(scene, camera, 3)
     with pytest.raises(OptionError, match="did you mean 'frustum'"):
         render(scene, camera, method="frustrum")

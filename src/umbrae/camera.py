@@ -1,16 +1,14 @@
 """The eye that looks at a scene."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from umbrae.checks import Vector, instance, number, vector, whole
 from umbrae.errors import InputError
 from umbrae.scene import Scene
-
-Vector = Sequence[float] | NDArray[np.floating]
 
 MAX_SIDE_PX = 1 << 16
 
@@ -56,26 +54,23 @@ class Camera:
         `near` defaults to a thousandth of the distance between the two. When the view direction is parallel to `up`,
         another axis takes its place.
         """
-        eye_position, target_position = _three(eye, "eye"), _three(target, "target")
+        eye_position, target_position = vector(eye, "Camera.eye"), vector(target, "Camera.target")
         forward = target_position - eye_position
         distance = float(np.linalg.norm(forward))
         if distance == 0.0:
             raise InputError(f"Camera: eye and target are the same point {eye_position.tolist()}")
-        if not (isinstance(fov_y, (int, float)) and 0.0 < fov_y < 180.0):
+        if not 0.0 < number(fov_y, "Camera.fov_y") < 180.0:
             raise InputError(f"Camera.fov_y: wanted degrees between 0 and 180, got {fov_y}")
         for name, size in (("width", width), ("height", height)):
-            if not 1 <= size <= MAX_SIDE_PX:
+            if not 1 <= whole(size, f"Camera.{name}") <= MAX_SIDE_PX:
                 raise InputError(f"Camera.{name}: wanted 1 to {MAX_SIDE_PX} pixels, got {size}")
         if near is None:
             near = distance / 1000.0
-        if not (math.isfinite(near) and near > 0.0):
+        if not number(near, "Camera.near") > 0.0:
             raise InputError(f"Camera.near: wanted a distance > 0, got {near}")
         forward = forward / distance
-        up_axis = _three(up, "up")
-        length = float(np.linalg.norm(up_axis))
-        if length == 0.0:
-            raise InputError("Camera.up: wanted a vector that is not zero")
-        right = np.cross(forward, up_axis / length)
+        up_axis = _unit(up)
+        right = np.cross(forward, up_axis)
         if np.linalg.norm(right) < 1e-6:
             right = np.cross(forward, np.roll(np.eye(3)[int(np.argmax(np.abs(up_axis)))], 1))
         right = right / np.linalg.norm(right)
@@ -92,13 +87,11 @@ class Camera:
         height: int = 1080,
     ) -> "Camera":
         """A camera that sees the whole scene from a raised corner, filling the picture."""
+        instance(scene, Scene, "scene")
         low, high = scene.bounds.astype(np.float64)
         center = (low + high) / 2
         radius = float(np.linalg.norm(high - low)) / 2 or 1.0
-        up_axis = _three(up, "up")
-        if not up_axis.any():
-            raise InputError("Camera.up: wanted a vector that is not zero")
-        up_axis = up_axis / np.linalg.norm(up_axis)
+        up_axis = _unit(up)
         side = np.roll(np.eye(3)[int(np.argmax(np.abs(up_axis)))], 1)
         side = side - up_axis * float(side @ up_axis)
         side = side / np.linalg.norm(side)
@@ -146,8 +139,11 @@ def _middle(offset: NDArray[np.float64], depth: NDArray[np.float64]) -> float:
     return shift
 
 
-def _three(values: Vector, name: str) -> NDArray[np.float64]:
-    vector = np.asarray(values, np.float64)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise InputError(f"Camera: wanted 3 finite numbers for {name}, got {values}")
-    return vector
+def _unit(up: Vector) -> NDArray[np.float64]:
+    axis = vector(up, "Camera.up")
+    if not axis.any():
+        raise InputError("Camera.up: wanted a vector that is not zero")
+    # Scaled first: squares of very large or small numbers leave the range of float64.
+    axis = axis / np.abs(axis).max()
+    unit: NDArray[np.float64] = axis / np.linalg.norm(axis)
+    return unit

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
+from umbrae.checks import instance, shown
 from umbrae.clock import Clock
 from umbrae.errors import CapacityError, InputError, ModelError, OutputError
 from umbrae.formats.glb import write_glb
@@ -87,7 +88,7 @@ def load(path: AnyPath, clock: Clock | None = None) -> Scene:
     UserWarning
         When a material library of an OBJ file is missing; its materials are then grey.
     """
-    file = Path(path)
+    file = _path(path)
     with (clock or Clock()).span("load"), np.errstate(all="ignore"):
         reader = _READERS.get(file.suffix.lower())
         # Unlike those of Path, these are also false for a path that cannot be.
@@ -129,6 +130,7 @@ def save(scene: Scene, path: AnyPath) -> None:
     OutputError
         For an unknown extension or a path that cannot be written.
     """
+    instance(scene, Scene, "save: scene")
     check_writable(path, MODELS)
     data = _WRITERS[Path(path).suffix.lower()](scene)
     with _whole(path) as stream:
@@ -187,7 +189,7 @@ def check_writable(path: AnyPath, extensions: Collection[str] = ()) -> None:
     OutputError
         For a folder that is missing or not writable, a path that is no ordinary file, or another extension.
     """
-    file = Path(path)
+    file = _path(path)
     if extensions and file.suffix.lower() not in extensions:
         raise OutputError(f"{file}: unknown extension {file.suffix!r}, wanted one of {' '.join(extensions)}")
     try:
@@ -220,6 +222,12 @@ def _whole(path: AnyPath) -> Iterator[BinaryIO]:
         raise OutputError(f"{path}: cannot be written: {error.strerror or _line(error)}") from error
     finally:
         part.unlink(missing_ok=True)
+
+
+def _path(path: AnyPath) -> Path:
+    if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str):
+        raise InputError(f"wanted a path, got {shown(path)}")
+    return Path(path)
 
 
 def _line(error: BaseException) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
+from umbrae.checks import instance
 from umbrae.errors import InputError
 from umbrae.mask import ShadowMask
 from umbrae.samples import ViewSamples
@@ -32,6 +33,7 @@ class Image:
     masks: tuple[ShadowMask, ...] = field(default=())
 
     def __post_init__(self) -> None:
+        instance(self.pixels, np.ndarray, "Image.pixels")
         if self.pixels.ndim != 3 or self.pixels.shape[2] != 3 or self.pixels.dtype != np.uint8:
             raise InputError(f"Image.pixels: wanted (h, w, 3) uint8, got {self.pixels.shape} {self.pixels.dtype}")
 

@@ -1,15 +1,13 @@
 """Where light comes from."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from umbrae.checks import Vector, array, number, shown, vector
 from umbrae.errors import InputError
-
-Vector = Sequence[float] | NDArray[np.floating]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,18 +32,20 @@ class Light:
     intensity: float = 1.0
 
     def __post_init__(self) -> None:
-        position = np.array(self.position, np.float32)
-        if position.shape != (4,):
-            raise InputError(f"Light.position: wanted 4 homogeneous coordinates, got shape {position.shape}")
+        given = array(self.position, "Light.position")
+        if given.shape != (4,) or given.dtype.kind not in "iuf":
+            raise InputError(f"Light.position: wanted 4 homogeneous coordinates, got {shown(self.position)}")
+        with np.errstate(over="ignore"):
+            position = given.astype(np.float32) + np.float32(0)  # turns -0 into 0
         if not np.isfinite(position).all() or np.abs(position).max() > 1e18:
             raise InputError(f"Light.position: wanted finite numbers up to 1e18, got {position.tolist()}")
         if position[3] not in (0.0, 1.0):
             raise InputError(f"Light.position: wanted w = 0 or w = 1, got {position[3]}")
         if position[3] == 0.0 and not position[:3].any():
             raise InputError("Light: a directional light needs a direction that is not zero")
-        if len(self.color) != 3 or not all(math.isfinite(c) and c >= 0 for c in self.color):
-            raise InputError(f"Light.color: wanted 3 numbers >= 0, got {self.color}")
-        if not (math.isfinite(self.intensity) and self.intensity >= 0):
+        if (vector(self.color, "Light.color") < 0).any():
+            raise InputError(f"Light.color: wanted 3 numbers >= 0, got {shown(self.color)}")
+        if number(self.intensity, "Light.intensity") < 0:
             raise InputError(f"Light.intensity: wanted a number >= 0, got {self.intensity}")
         position.flags.writeable = False
         object.__setattr__(self, "position", position)
@@ -55,14 +55,14 @@ class Light:
         cls, position: Vector, color: tuple[float, float, float] = (1.0, 1.0, 1.0), intensity: float = 1.0
     ) -> "Light":
         """A point light at `position`, three world coordinates."""
-        return cls(np.append(_three(position, "position"), 1.0), color, intensity)
+        return cls(np.append(vector(position, "Light.position"), 1.0), color, intensity)
 
     @classmethod
     def directional(
         cls, direction: Vector, color: tuple[float, float, float] = (1.0, 1.0, 1.0), intensity: float = 1.0
     ) -> "Light":
         """Parallel light that travels along `direction` (any length but zero)."""
-        return cls(np.append(-_three(direction, "direction"), 0.0), color, intensity)
+        return cls(np.append(-vector(direction, "Light.direction"), 0.0), color, intensity)
 
     @classmethod
     def sun(
@@ -87,15 +87,14 @@ class Light:
         north
             World north; by default -z when up is y, +y when up is z. Needed for any other `up`.
         """
-        if not math.isfinite(azimuth):
-            raise InputError(f"Light.sun: wanted a finite azimuth in degrees, got {azimuth}")
-        if not -90.0 <= elevation <= 90.0:
+        if not -90.0 <= number(elevation, "Light.sun: elevation") <= 90.0:
             raise InputError(f"Light.sun: wanted an elevation of -90 to 90 degrees, got {elevation}")
         up_axis, north_axis = horizon(up, north)
         east_axis = np.cross(north_axis, up_axis)
-        turn, height = math.radians(azimuth), math.radians(elevation)
-        level = math.cos(turn) * north_axis + math.sin(turn) * east_axis
-        return cls(np.append(math.cos(height) * level + math.sin(height) * up_axis, 0.0), color, intensity)
+        to_north, to_east = _cos_sin(number(azimuth, "Light.sun: azimuth"))
+        flat, high = _cos_sin(elevation)
+        level = to_north * north_axis + to_east * east_axis
+        return cls(np.append(flat * level + high * up_axis, 0.0), color, intensity)
 
     @property
     def is_directional(self) -> bool:
@@ -105,7 +104,7 @@ class Light:
 
 def horizon(up: Vector, north: Vector | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Unit vectors of up and north; north is made perpendicular to up."""
-    up_axis = _three(up, "up")
+    up_axis = vector(up, "Light.sun: up")
     length = float(np.linalg.norm(up_axis))
     if length == 0.0:
         raise InputError("Light.sun: wanted an up vector that is not zero")
@@ -117,16 +116,17 @@ def horizon(up: Vector, north: Vector | None) -> tuple[NDArray[np.float64], NDAr
             north = (0.0, 1.0, 0.0)
         else:
             raise InputError(f"Light.sun: north is needed when up is neither y nor z, got up {up_axis.tolist()}")
-    north_axis = _three(north, "north")
+    north_axis = vector(north, "Light.sun: north")
     north_axis = north_axis - up_axis * float(north_axis @ up_axis)
     length = float(np.linalg.norm(north_axis))
-    if length == 0.0:
+    if length <= 1e-9 * float(np.linalg.norm(north)):  # what rounding leaves of a parallel vector
         raise InputError("Light.sun: north must not be parallel to up")
     return up_axis, north_axis / length
 
 
-def _three(values: Vector, name: str) -> NDArray[np.float64]:
-    vector = np.asarray(values, np.float64)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise InputError(f"Light: wanted 3 finite numbers for {name}, got {values}")
-    return vector
+def _cos_sin(degrees: float) -> tuple[float, float]:
+    """Cosine and sine, exact at quarter turns: a sun in the zenith is edge-on to walls, to the last bit."""
+    quarters = round(math.fmod(degrees, 360.0) / 90.0)
+    rest = math.radians(math.fmod(degrees, 360.0) - 90.0 * quarters)
+    cos, sin = math.cos(rest), math.sin(rest)
+    return ((cos, sin), (-sin, cos), (-cos, -sin), (sin, -cos))[quarters % 4]

@@ -6,6 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from umbrae.checks import array, number, shown
 from umbrae.errors import InputError
 
 AlphaMode = Literal["OPAQUE", "MASK", "BLEND"]
@@ -44,17 +45,17 @@ class Material:
     name: str = ""
 
     def __post_init__(self) -> None:
-        color = tuple(float(c) for c in self.base_color)
-        if len(color) == 3:
-            color = (*color, 1.0)
-        if len(color) != 4 or not all(0.0 <= c <= 1.0 for c in color):
-            raise InputError(f"Material.base_color: wanted 4 numbers in [0, 1], got {self.base_color}")
-        object.__setattr__(self, "base_color", color)
+        color = array(self.base_color, "Material.base_color")
+        in_range = color.dtype.kind in "iuf" and bool(((color >= 0) & (color <= 1)).all())
+        if color.shape not in ((3,), (4,)) or not in_range:
+            raise InputError(f"Material.base_color: wanted 4 numbers in [0, 1], got {shown(self.base_color)}")
+        opaque = [1.0] if len(color) == 3 else []
+        object.__setattr__(self, "base_color", tuple(color.astype(float).tolist() + opaque))
         if self.alpha_mode not in ("OPAQUE", "MASK", "BLEND"):
             raise InputError(f"Material.alpha_mode: wanted OPAQUE, MASK or BLEND, got {self.alpha_mode!r}")
-        if not 0.0 <= self.transmission <= 1.0:
+        if not 0.0 <= number(self.transmission, "Material.transmission") <= 1.0:
             raise InputError(f"Material.transmission: wanted a number in [0, 1], got {self.transmission}")
-        if not self.alpha_cutoff >= 0.0:
+        if not number(self.alpha_cutoff, "Material.alpha_cutoff") >= 0.0:
             raise InputError(f"Material.alpha_cutoff: wanted a number >= 0, got {self.alpha_cutoff}")
         if self.texture is not None:
             object.__setattr__(self, "texture", _rgba(self.texture))
@@ -69,7 +70,7 @@ def _rgba(texture: Any) -> NDArray[np.uint8]:
     """Any 8-bit image as `(h, w, 4)`."""
     if hasattr(texture, "convert"):
         texture = texture.convert("RGBA")
-    pixels = np.asarray(texture)
+    pixels = array(texture, "Material.texture")
     if pixels.ndim == 2:
         pixels = np.repeat(pixels[:, :, None], 3, axis=2)
     if pixels.ndim != 3 or pixels.shape[2] not in (3, 4) or pixels.dtype != np.uint8 or 0 in pixels.shape:

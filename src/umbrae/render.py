@@ -1,11 +1,9 @@
 """The main job: a scene, seen by a camera, lit by lights, as a picture with exact shadows."""
 
-from collections.abc import Sequence
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Iterable
 
 from umbrae.camera import Camera
+from umbrae.checks import Vector, instance, vector
 from umbrae.clock import Clock
 from umbrae.errors import InputError
 from umbrae.image import Image
@@ -16,8 +14,6 @@ from umbrae.sampling import sample
 from umbrae.scene import Scene
 from umbrae.shade import shade, up_axis
 
-Vector = Sequence[float] | NDArray[np.floating]
-
 _SUN_AZIMUTH, _SUN_ELEVATION = 55.0, 40.0
 _SUN_COLOR = (1.0, 0.96, 0.89)
 
@@ -25,7 +21,7 @@ _SUN_COLOR = (1.0, 0.96, 0.89)
 def render(
     scene: Scene,
     camera: Camera | None = None,
-    lights: Light | Sequence[Light] | None = None,
+    lights: Light | Iterable[Light] | None = None,
     method: str | Method = "frustum",
     samples_per_pixel: int = 1,
     up: Vector = (0.0, 1.0, 0.0),
@@ -58,9 +54,11 @@ def render(
         When the picture would not fit into memory.
     """
     clock = clock or Clock()
-    up = up_axis(up)
+    up = up_axis(vector(up, "up"))
+    instance(scene, Scene, "scene")
     if camera is None:
         camera = Camera.frame(scene, up=up)
+    instance(camera, Camera, "camera")
     shining = _lights(lights, camera, up)
     algorithm = make_method(method)
     with clock.span("sample"):
@@ -90,13 +88,12 @@ def default_sun(camera: Camera, up: Vector = (0.0, 1.0, 0.0)) -> Light:
     return Light.sun(_SUN_AZIMUTH, _SUN_ELEVATION, up=axis, north=behind, color=_SUN_COLOR)
 
 
-def _lights(lights: Light | Sequence[Light] | None, camera: Camera, up: Vector) -> tuple[Light, ...]:
+def _lights(lights: Light | Iterable[Light] | None, camera: Camera, up: Vector) -> tuple[Light, ...]:
     if lights is None:
         return (default_sun(camera, up),)
-    shining = tuple(lights) if isinstance(lights, Sequence) else (lights,)
+    shining = tuple(lights) if isinstance(lights, Iterable) else (lights,)
     if not shining:
         raise InputError("lights: wanted at least one light, got none")
     for light in shining:
-        if not isinstance(light, Light):
-            raise InputError(f"lights: wanted Light objects, got {type(light).__name__}")
+        instance(light, Light, "lights")
     return shining

@@ -1,11 +1,13 @@
 """The points that want a verdict."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from umbrae.camera import Camera
+from umbrae.checks import array, instance
 from umbrae.errors import InputError
 from umbrae.scene import Scene
 
@@ -45,7 +47,10 @@ class ViewSamples:
     camera: Camera | None = None
 
     def __post_init__(self) -> None:
+        instance(self.triangle, np.ndarray, "ViewSamples.triangle")
         shape = self.triangle.shape
+        if not shape:
+            raise InputError("ViewSamples: wanted a list of samples, got a single one without brackets around it")
         for name, wanted, dtype in (
             ("triangle", shape, np.int32),
             ("barycentric", (*shape, 2), np.float32),
@@ -53,10 +58,11 @@ class ViewSamples:
             ("position", (*shape, 3), np.float32),
             ("covered", shape, np.bool_),
         ):
-            array = getattr(self, name)
-            if array.shape != wanted or array.dtype != dtype:
+            values = getattr(self, name)
+            instance(values, np.ndarray, f"ViewSamples.{name}")
+            if values.shape != wanted or values.dtype != dtype:
                 raise InputError(
-                    f"ViewSamples.{name}: wanted {wanted} {np.dtype(dtype)}, got {array.shape} {array.dtype}"
+                    f"ViewSamples.{name}: wanted {wanted} {np.dtype(dtype)}, got {values.shape} {values.dtype}"
                 )
 
     @property
@@ -72,11 +78,14 @@ class ViewSamples:
     @classmethod
     def points(cls, positions: ArrayLike) -> "ViewSamples":
         """Free points `(..., 3)` in the scene's coordinates, rounded to float32: they belong to no triangle."""
-        points = np.asarray(positions, np.float32)
-        if points.ndim == 0 or points.shape[-1] != 3:
-            raise InputError(f"ViewSamples.points: wanted (..., 3) coordinates, got shape {points.shape}")
-        if not np.isfinite(points).all() or (points.size and np.abs(points).max() > 1e18):
+        given = array(positions, "ViewSamples.points")
+        if given.shape == (0,):
+            given = np.zeros((0, 3))
+        if given.ndim == 0 or given.shape[-1] != 3 or given.dtype.kind not in "iuf":
+            raise InputError(f"ViewSamples.points: wanted (..., 3) coordinates, got {given.shape} {given.dtype}")
+        if not (np.abs(given) <= 1e18).all():
             raise InputError("ViewSamples.points: wanted finite coordinates up to 1e18")
+        points = given.astype(np.float32)
         shape = points.shape[:-1]
         return cls(
             triangle=np.full(shape, -1, np.int32),
@@ -92,35 +101,60 @@ class ViewSamples:
     ) -> "ViewSamples":
         """Sensors on faces: `triangle (...)`, `barycentric (..., 2)`, `side` +1, -1 or 0 (one or one each).
 
+        Barycentrics are rounded to float32, towards the inside where their sum would exceed 1.
+
         Raises
         ------
         InputError
             For a triangle that the scene does not have, or barycentrics outside the triangle.
         """
-        own = np.asarray(triangle)
+        instance(scene, Scene, "scene")
+        own = array(triangle, "ViewSamples.on_surface: triangle")
         if not np.issubdtype(own.dtype, np.integer) and own.size:
             raise InputError(f"ViewSamples.on_surface: wanted triangle indices, got {own.dtype}")
-        own = np.array(own, np.int32)
-        uv = np.array(barycentric, np.float32)
+        uv = array(barycentric, "ViewSamples.on_surface: barycentric")
         count = len(scene.triangles)
         if own.size and (own.min() < 0 or own.max() >= count):
             raise InputError(
                 f"ViewSamples.on_surface: wanted triangles 0 to {count - 1}, got {int(own.min())} to {int(own.max())}"
             )
-        if uv.shape != (*own.shape, 2):
-            raise InputError(f"ViewSamples.on_surface: wanted barycentrics {(*own.shape, 2)}, got {uv.shape}")
-        if not _inside(uv).all():
+        if uv.shape != (*own.shape, 2) or uv.dtype.kind not in "iuf":
+            wanted = (*own.shape, 2)
+            raise InputError(f"ViewSamples.on_surface: wanted barycentrics {wanted}, got {uv.shape} {uv.dtype}")
+        if not ((uv >= 0).all() and (uv.sum(axis=-1, dtype=np.float64) <= 1).all()):
             raise InputError("ViewSamples.on_surface: wanted barycentrics with u, v >= 0 and u + v <= 1")
-        sides = np.asarray(side)
-        if not np.isin(sides, (-1, 0, 1)).all():
-            raise InputError("ViewSamples.on_surface: wanted sides of +1, -1 or 0")
+        sides = array(side, "ViewSamples.on_surface: side")
+        if sides.shape not in ((), own.shape) or not np.isin(sides, (-1, 0, 1)).all():
+            raise InputError("ViewSamples.on_surface: wanted sides of +1, -1 or 0, one or one each")
+        triangles, rounded = own.astype(np.int32), _round_inside(uv)
         return cls(
-            triangle=own,
-            barycentric=uv,
+            triangle=triangles,
+            barycentric=rounded,
             side=np.array(np.broadcast_to(sides, own.shape), np.int8),
-            position=surface_positions(scene, own, uv),
+            position=surface_positions(scene, triangles, rounded),
             covered=np.ones(own.shape, bool),
         )
+
+    def check(self, scene: Scene) -> None:
+        """Refuse samples that were not made for this scene.
+
+        All triangle indices are checked, and of up to 64 samples the position: that costs next to nothing, and
+        the samples of another scene lie somewhere else.
+        """
+        own, count = self.triangle.reshape(-1), len(scene.triangles)
+        if own.size and not -1 <= own.min() <= own.max() < count:
+            raise InputError(
+                f"samples are of another scene: they name triangles {own.min()} to {own.max()}, this has {count}"
+            )
+        some = np.arange(0, own.size, max(1, own.size // 64))
+        few = self.take(some[own[some] >= 0])
+        there = surface_positions(scene, few.triangle, few.barycentric)
+        # Computed in float64 by the same formula: float32 rounds the two alike or one step apart.
+        reach = np.abs(scene.positions[scene.triangles[few.triangle]]).max(axis=(1, 2), initial=0)
+        if not (np.abs(there - few.position).max(axis=1, initial=0) <= 2.0**-23 * reach).all():
+            raise InputError("samples are of another scene: they do not lie on this scene's triangles")
+        if self.camera is None and not (np.abs(self.position) <= 1e18).all():
+            raise InputError("ViewSamples.position: wanted finite coordinates up to 1e18")
 
     def rows(self, start: int, stop: int) -> "ViewSamples":
         """Rows `start` to `stop` of the first axis: a band of an image, a part of a list."""
@@ -153,6 +187,16 @@ def surface_positions(
     u, v = barycentric[..., :1].astype(np.float64), barycentric[..., 1:].astype(np.float64)
     a, b, c = corners[..., 0, :], corners[..., 1, :], corners[..., 2, :]
     return (a + u * (b - a) + v * (c - a)).astype(np.float32)
+
+
+def _round_inside(uv: NDArray[Any]) -> NDArray[np.float32]:
+    """Barycentrics as float32; where that brings the sum above 1, by 2**-24 at most, the larger takes a step back."""
+    rounded = uv.astype(np.float32)
+    over = np.flatnonzero(~_inside(rounded))
+    pairs = rounded.reshape(-1, 2)
+    larger = np.argmax(pairs[over], axis=1)
+    pairs[over, larger] = np.nextafter(pairs[over, larger], np.float32(0))
+    return rounded
 
 
 def _inside(uv: NDArray[np.float32]) -> NDArray[np.bool_]:

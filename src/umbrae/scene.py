@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from umbrae.checks import array, instance, vector
 from umbrae.errors import InputError, RecentredWarning
 from umbrae.material import Material
 
@@ -73,7 +74,7 @@ class Scene:
         origin: ArrayLike | None = None,
     ) -> None:
         points = _rows(positions, 3, "positions")
-        indices = np.asarray(triangles)
+        indices = array(triangles, "Scene.triangles")
         if indices.size == 0:
             indices = np.zeros((0, 3), np.int32)
         if indices.ndim != 2 or indices.shape[1] != 3 or not np.issubdtype(indices.dtype, np.integer):
@@ -84,7 +85,7 @@ class Scene:
             raise InputError(
                 f"Scene.triangles: triangle {bad} has indices {indices[bad].tolist()}, wanted 0 to {vertices - 1}"
             )
-        zero = np.zeros(3) if origin is None else np.asarray(origin, np.float64).reshape(3)
+        zero = np.zeros(3) if origin is None else vector(origin, "Scene.origin")
         points, shift = _recentre(points)
         if shift.any():
             warnings.warn(
@@ -93,7 +94,9 @@ class Scene:
                 RecentredWarning,
                 stacklevel=2,
             )
-        palette = tuple(materials) or (Material(),)
+        palette = (materials,) if isinstance(materials, Material) else tuple(materials or (Material(),))
+        for material in palette:
+            instance(material, Material, "Scene.materials")
         ids = _per_triangle(material_id, count, "material_id")
         if count and (ids.min() < 0 or ids.max() >= len(palette)):
             raise InputError(
@@ -107,6 +110,9 @@ class Scene:
         put(self, "normals", _per_vertex(normals, vertices, 3, "normals"))
         put(self, "uv", _per_vertex(uv, vertices, 2, "uv"))
         put(self, "colors", _per_vertex(colors, vertices, 4, "colors"))
+        if self.colors is not None and self.colors.size and not 0 <= self.colors.min() <= self.colors.max() <= 1:
+            low, high = float(self.colors.min()), float(self.colors.max())
+            raise InputError(f"Scene.colors: wanted numbers in [0, 1], got {low:g} to {high:g}")
         put(self, "object_id", _frozen(_per_triangle(object_id, count, "object_id")))
         put(self, "origin", _frozen(zero + shift))
 
@@ -136,10 +142,10 @@ class Scene:
 
 
 def _rows(values: ArrayLike, width: int, name: str) -> NDArray[Any]:
-    rows = np.asarray(values)
+    rows = array(values, f"Scene.{name}")
     if rows.size == 0:
         rows = np.zeros((0, width), np.float32)
-    if rows.ndim != 2 or rows.shape[1] != width or not np.issubdtype(rows.dtype, np.number):
+    if rows.ndim != 2 or rows.shape[1] != width or rows.dtype.kind not in "iuf":
         raise InputError(f"Scene.{name}: wanted (n, {width}) numbers, got {rows.shape} {rows.dtype}")
     if rows.dtype != np.float32:
         rows = rows.astype(np.float64)
@@ -178,10 +184,13 @@ def _per_vertex(values: ArrayLike | None, count: int, width: int, name: str) -> 
 def _per_triangle(values: ArrayLike | None, count: int, name: str) -> NDArray[np.int32]:
     if values is None:
         return np.zeros(count, np.int32)
-    ids = np.asarray(values)
+    ids = array(values, f"Scene.{name}")
     if ids.shape != (count,) or (count and not np.issubdtype(ids.dtype, np.integer)):
         raise InputError(f"Scene.{name}: wanted ({count},) integers, got {ids.shape} {ids.dtype}")
-    return ids.astype(np.int32)
+    held = ids.astype(np.int32)
+    if (held != ids).any():
+        raise InputError(f"Scene.{name}: wanted integers that int32 holds, got {ids[held != ids][0]}")
+    return held
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from umbrae.checks import instance, whole
 from umbrae.clock import Clock
 from umbrae.errors import InputError
 from umbrae.light import Light
@@ -71,11 +72,21 @@ def verify(
     Raises
     ------
     InputError
-        If mask and samples differ in shape, or `count` is not positive.
+        If mask and samples differ in shape, the samples were made for another scene, or `count` is not positive.
     """
+    for value, kind, name in (
+        (scene, Scene, "scene"),
+        (light, Light, "light"),
+        (samples, ViewSamples, "samples"),
+        (mask, ShadowMask, "mask"),
+    ):
+        instance(value, kind, f"verify: {name}")
+    samples.check(scene)
     if mask.in_shadow.shape != samples.shape:
         raise InputError(f"verify: mask has shape {mask.in_shadow.shape}, samples have {samples.shape}")
-    if count is not None and count < 1:
+    if whole(seed, "verify: seed") < 0:
+        raise InputError(f"verify: wanted a seed of at least 0, got {seed}")
+    if count is not None and whole(count, "verify: count") < 1:
         raise InputError(f"verify: wanted a count of at least 1, got {count}")
     chosen = np.flatnonzero(samples.covered.reshape(-1))
     if count is not None and count < len(chosen):

@@ -2,6 +2,7 @@
 
 import difflib
 
+from umbrae.checks import instance, shown
 from umbrae.clock import Clock
 from umbrae.errors import OptionError
 from umbrae.light import Light
@@ -24,6 +25,8 @@ def make_method(method: str | Method) -> Method:
     """A method by name, or as it is."""
     if isinstance(method, Method):
         return method
+    if not isinstance(method, str):
+        raise OptionError(f"method: wanted a name or a Method object, got {shown(method)}")
     if method not in METHODS:
         near = difflib.get_close_matches(str(method), METHODS, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
@@ -46,8 +49,18 @@ def shadow(
         A name from `METHODS`, or a `Method` with its options set.
     clock
         Hears which stage takes how long.
+
+    Raises
+    ------
+    InputError
+        For anything but a scene, a light and samples, or samples that were made for another scene.
+    OptionError
+        For an unknown method.
     """
     clock = clock or Clock()
+    for value, kind, name in ((scene, Scene, "scene"), (light, Light, "light"), (samples, ViewSamples, "samples")):
+        instance(value, kind, name)
+    samples.check(scene)
     with clock.span("prepare"):
         caster = make_method(method).prepare(scene, clock)
     with clock.span("shadow"):

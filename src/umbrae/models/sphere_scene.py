@@ -5,8 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from umbrae.checks import Vector
 from umbrae.errors import InputError
-from umbrae.light import Light, Vector
+from umbrae.light import Light
 from umbrae.material import Material
 from umbrae.models.builder import lathe_mesh
 from umbrae.scene import Scene
@@ -52,8 +53,8 @@ def spheres(grid: tuple[int, int] = (10, 10), triangles: int = 100_000) -> Scene
     """
     columns, rows = grid
     count = columns * rows
-    if columns < 1 or rows < 1:
-        raise InputError(f"spheres: wanted a grid of at least 1x1, got {columns}x{rows}")
+    if columns < 1 or rows < 1 or 8 * count + 2 > MAX_TRIANGLES:
+        raise InputError(f"spheres: wanted a grid of 1 to {MAX_TRIANGLES // 8 - 1} spheres, got {columns}x{rows}")
     if not 8 * count + 2 <= triangles <= MAX_TRIANGLES:
         raise InputError(
             f"spheres: wanted {8 * count + 2} to {MAX_TRIANGLES} triangles for a grid of {columns}x{rows}, "

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.camera import Camera
+from umbrae.checks import instance
 from umbrae.clock import Clock
 from umbrae.errors import OptionError
 from umbrae.geometry.texture import Textures, fetch, pack
@@ -66,6 +67,8 @@ def sample(scene: Scene, camera: Camera, samples_per_pixel: int = 1, clock: Cloc
     CapacityError
         When the result would not fit into memory.
     """
+    instance(scene, Scene, "scene")
+    instance(camera, Camera, "camera")
     if not isinstance(samples_per_pixel, (int, np.integer)) or samples_per_pixel < 1:
         raise OptionError(f"samples_per_pixel: wanted a whole number from 1, got {samples_per_pixel!r}")
     per_pixel, width, height = int(samples_per_pixel), camera.width, camera.height
