@@ -1,4 +1,11 @@
-"""Which parts of a soup are solids: closed, consistently wound, and wound outwards."""
+"""Which parts of a soup are solids: closed, and wound outwards as seen from their middle.
+
+A closed part has a winding number at every point off it: what a ray from there to infinity sums up when it adds 1
+where it leaves through a triangle's front and subtracts 1 where it enters. Where every triangle turns its back to one
+and the same point, walking towards that point can only raise the number, from 0 at infinity: it is nowhere negative,
+whatever the part looks like. Being closed and of positive volume is not enough: a part that crosses itself may have
+a lobe that is inside out, and so may two boxes that share an edge.
+"""
 
 from typing import NamedTuple
 
@@ -6,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.geometry.edges import edges, weld
+from umbrae.geometry.predicates import facing
 from umbrae.parallel import kernel
 
 
@@ -18,10 +26,10 @@ class Solids(NamedTuple):
 
 
 def find_solids(positions: NDArray[np.float32], triangles: NDArray[np.int32], allowed: NDArray[np.bool_]) -> Solids:
-    """Connected parts (over edges, by position) that enclose a volume.
+    """Connected parts (over edges, by position) whose winding number is surely nowhere negative.
 
-    A part is a solid when every edge is run as often in one direction as in the other, its signed volume is positive,
-    and all its triangles are `allowed (t,)`.
+    A part is a solid when every edge is run as often in one direction as in the other, no triangle faces the middle of
+    its box, and all its triangles are `allowed (t,)`.
     """
     count = len(triangles)
     joined = np.arange(count, dtype=np.int32)
@@ -40,12 +48,19 @@ def find_solids(positions: NDArray[np.float32], triangles: NDArray[np.int32], al
     for corner in range(3):
         np.minimum.at(low, part, corners[:, corner])
         np.maximum.at(high, part, corners[:, corner])
-    relative = corners - ((low + high) / 2)[part][:, None, :]
-    volume = np.bincount(part, np.linalg.det(relative) / 6.0, parts)
-    # A millionth of the box is far above rounding; thinner solids are not worth the doubt.
-    solid &= volume > 1e-6 * np.prod(high - low, axis=1)
+    middle = np.ones((parts, 4))
+    middle[:, :3] = ((low + high) / 2).astype(np.float32)
+    drop_facing(positions, triangles, part, middle, solid)
     number = np.where(solid, np.cumsum(solid) - 1, -1).astype(np.int32)
     return Solids(number[part], low[solid], high[solid])
+
+
+@kernel
+def drop_facing(positions, triangles, part, middle, solid):
+    """Clear `solid[p]` where a triangle of part p faces its `middle (p, 4)`, homogeneous and of float32 values."""
+    for t in range(len(part)):
+        if solid[part[t]] and facing(positions, triangles, t, middle[part[t]]) > 0:
+            solid[part[t]] = False
 
 
 @kernel

@@ -43,10 +43,10 @@ class Frustum(Method):
     front_face_culling
         Leave half of each solid's triangles out (section 3.5): a ray that crosses a closed surface crosses triangles
         that face the light and triangles that face away in pairs. The paper drops the former, or the latter; here it
-        is always those that face away from the light, which is right also for a sample that touches the solid. Parts
-        where leaving anything out could change the mask are never culled: parts that are not closed and consistently
-        wound outwards, not opaque, or whose bounding box holds the light or the eye. Free points and sensors, which
-        may lie inside a solid, are never culled for. Off by default: finding the solids takes longer than it saves
+        is always those that face away from the light: on its way to a light outside, a ray from anywhere crosses at
+        least as many of the others, also one that starts inside a solid or on it. That holds for parts whose winding
+        number is nowhere negative (see `geometry.solids`); all others are never culled, nor are parts that are not
+        opaque or whose bounding box holds the light. Off by default: finding the solids takes longer than it saves
         unless the same geometry is asked many times.
     """
 
@@ -137,7 +137,7 @@ class FrustumCaster(Caster):
         count = len(self.scene.triangles)
         batches = -(-count // BATCH)
         active = [(frame, tree) for frame, tree in zip(frames, trees, strict=True) if tree is not None]
-        casts = self._casts(source, samples, facing)
+        casts = self._casts(source, facing)
         raw: tuple[Any, ...] = (
             samples.barycentric.reshape(-1, 2),
             samples.side.reshape(-1),
@@ -160,28 +160,15 @@ class FrustumCaster(Caster):
         total: NDArray[np.int64] = np.sum(run(task, batches * len(active), clock), axis=0, dtype=np.int64)
         return total
 
-    def _casts(self, source: NDArray[np.float64], samples: ViewSamples, facing: NDArray[np.int8]) -> NDArray[np.bool_]:
+    def _casts(self, source: NDArray[np.float64], facing: NDArray[np.int8]) -> NDArray[np.bool_]:
         """`(t,)` which triangles cast; empty when all do."""
-        if self.solids is None or samples.camera is None or len(self.solids.lower) == 0:
+        if self.solids is None or len(self.solids.lower) == 0:
             return np.zeros(0, bool)
-        # The eye, and what the near plane cuts off around it, must be outside.
-        tan_y = np.tan(np.radians(samples.camera.fov_y) / 2)
-        near = samples.camera.near * float(
-            np.hypot(1.0, tan_y * np.hypot(1.0, samples.camera.width / samples.camera.height))
-        )
-        culled = self._outside(samples.camera.eye, 1.001 * near)
-        if source[3] != 0.0:
-            culled &= self._outside(source[:3], 0.0)
+        holds_light = (source[:3] >= self.solids.lower) & (source[:3] <= self.solids.upper)
+        culled = ~holds_light.all(axis=1) | (source[3] == 0.0)
         of = self.solids.of
         casts: NDArray[np.bool_] = (of < 0) | ~culled[of] | (facing > 0)
         return casts
-
-    def _outside(self, point: NDArray[np.float64], distance: float) -> NDArray[np.bool_]:
-        """Which solids' boxes, grown by a distance, do not hold the point."""
-        assert self.solids is not None
-        inside = (point >= self.solids.lower - distance) & (point <= self.solids.upper + distance)
-        outside: NDArray[np.bool_] = np.logical_not(inside.all(axis=1))
-        return outside
 
 
 def _including(bounds: NDArray[np.float64], samples: ViewSamples) -> NDArray[np.float64]:
