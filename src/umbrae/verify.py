@@ -9,7 +9,7 @@ from umbrae.checks import instance, whole
 from umbrae.clock import Clock
 from umbrae.errors import InputError
 from umbrae.light import Light
-from umbrae.mask import ShadowMask
+from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.oracle import Oracle
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
@@ -26,7 +26,7 @@ class Verdict:
     mismatches
         How many differ, inside the band or outside.
     outside_band, inside_band
-        The two parts of `mismatches`. A mask without a band has all of them outside.
+        The two parts of `mismatches`. A mask whose guarantee is not `BANDED` has all of them outside.
     wrong
         `(n,)` flat indices of the mismatches.
     margin
@@ -97,5 +97,7 @@ def verify(
     differ = np.flatnonzero(truth != mask.in_shadow.reshape(-1)[chosen])
     margin = caster.margin(light, drawn.take(differ), truth[differ])
     wrong = chosen[differ]
-    inside = np.zeros(len(wrong), bool) if mask.band is None else margin <= mask.band.reshape(-1)[wrong]
+    inside = np.zeros(len(wrong), bool)
+    if mask.guarantee is Guarantee.BANDED and mask.band is not None:
+        inside = margin <= mask.band.reshape(-1)[wrong]
     return Verdict(len(chosen), len(wrong), int((~inside).sum()), int(inside.sum()), wrong, margin)

@@ -102,7 +102,9 @@ class OracleCaster(Caster):
 
         if len(self.scene.triangles):
             run(task, -(-flat.size // _CHUNK), clock)
-        return margins.astype(np.float32).reshape(samples.shape)
+        # One step down: rounding to float32, and in float64 before it, must not make a margin larger.
+        rounded = np.nextafter(margins.astype(np.float32), np.float32(0))
+        return rounded.reshape(samples.shape)
 
     def _arrays(self) -> tuple[Any, ...]:
         return (self.scene.positions, self.scene.triangles, *self.tree)

@@ -17,6 +17,8 @@ components |x|, |y|, |z|: coarse, but the oracle need not be quick, and `facing`
 import numpy as np
 
 from umbrae.geometry.bvh import LEAF, STACK, segment_meets_box
+from umbrae.geometry.predicates import FILTER, filtered_determinant
+from umbrae.geometry.predicates import facing as side_of_light
 from umbrae.parallel import inline, kernel
 
 _FILTER = 2.0**-46 * 6.0
@@ -155,55 +157,44 @@ def decide_chunk(
 
 
 @inline
-def _frustum_distance(positions, triangles, t, light, point, work):
+def _frustum_distance(positions, triangles, t, light, point, magnitude, work):
     """Signed distance bound of a point to a triangle's shadow frustum: > 0 at least so far outside, < 0 so deep inside.
 
     The largest of the four signed plane distances, outside positive. nan for a triangle seen edge-on.
     """
+    s = -side_of_light(positions, triangles, t, light)
+    if s == 0:
+        return np.nan
     a, b, c = work[0], work[1], work[2]
-    largest = 0.0
     for axis in range(3):
         a[axis] = np.float64(positions[triangles[t, 0], axis])
         b[axis] = np.float64(positions[triangles[t, 1], axis])
         c[axis] = np.float64(positions[triangles[t, 2], axis])
-        largest = max(largest, abs(a[axis]), abs(b[axis]), abs(c[axis]), abs(point[axis]))
-    normal = work[3]
-    _cross_into(normal, b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2])
     w = light[3]
-    facing = 0.0
-    for axis in range(3):
-        facing += normal[axis] * (light[axis] - w * a[axis])
-    if facing == 0.0:
-        return np.nan
-    s = -1.0 if facing > 0.0 else 1.0
-    result = -s * _plane_distance(normal, a, point)
+    result = -s * _plane_distance(b[0] - a[0], b[1] - a[1], b[2] - a[2], a, c, point, magnitude)
     for edge in range(3):
         v0, v1 = work[edge], work[(edge + 1) % 3]
-        _cross_into(
-            normal,
-            w * v0[0] - light[0], w * v0[1] - light[1], w * v0[2] - light[2],
-            v1[0] - v0[0], v1[1] - v0[1], v1[2] - v0[2],
-        )  # fmt: skip
-        result = max(result, -s * _plane_distance(normal, v0, point))
-    # Rounding: distances are differences of coordinates up to `largest`, through a handful of operations.
-    slack = 1e-9 * abs(result) + 1e-12 * largest
-    return result - slack if result > 0.0 else min(0.0, result + slack)
+        x, y, z = w * v0[0] - light[0], w * v0[1] - light[1], w * v0[2] - light[2]
+        result = max(result, -s * _plane_distance(x, y, z, v0, v1, point, magnitude))
+    return result
 
 
 @inline
-def _cross_into(out, ax, ay, az, bx, by, bz):
-    out[0], out[1], out[2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+def _plane_distance(x, y, z, v0, v1, point, magnitude):
+    """Signed distance of the point to the plane through v0 with normal (x, y, z) x (v1 - v0), never too large.
 
-
-@inline
-def _plane_distance(normal, base, point):
-    length = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-    if length == 0.0:
+    The determinant less the bound of its error, over the length of the normal plus what its components may be off by
+    (4 roundings of each product, see `geometry.predicates`).
+    """
+    ex, ey, ez = v1[0] - v0[0], v1[1] - v0[1], v1[2] - v0[2]
+    value, bound = filtered_determinant(
+        x, y, z, ex, ey, ez, point[0] - v0[0], point[1] - v0[1], point[2] - v0[2], magnitude
+    )
+    length = np.sqrt((y * ez - z * ey) ** 2 + (z * ex - x * ez) ** 2 + (x * ey - y * ex) ** 2)
+    length += FILTER * (abs(y * ez) + abs(z * ey) + abs(z * ex) + abs(x * ez) + abs(x * ey) + abs(y * ex))
+    if abs(value) <= bound:
         return 0.0
-    value = 0.0
-    for axis in range(3):
-        value += normal[axis] * (point[axis] - base[axis])
-    return value / length
+    return (value - bound if value > 0.0 else value + bound) / length
 
 
 @kernel
@@ -242,7 +233,7 @@ def margin_chunk(
                 t = order[slot]
                 if t < 0 or t == own:
                     continue
-                distance = _frustum_distance(positions, triangles, t, light, point, work)
+                distance = _frustum_distance(positions, triangles, t, light, point, magnitude, work)
                 if distance < -deepest:
                     deepest = -distance
                 if distance < nearest:
