@@ -4,6 +4,7 @@ import io
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import time
@@ -233,6 +234,62 @@ def test_interruption_and_bugs_are_one_line_each(capsys, monkeypatch):
     monkeypatch.setenv("UMBRAE_DEBUG", "1")
     with pytest.raises(ZeroDivisionError):
         cli.run(["info", "roof.glb"])
+
+
+def umbrae_process(*texts, **more):
+    command = [sys.executable, "-m", "umbrae", *texts]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **more)
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+)
+def test_a_signal_while_writing_leaves_nothing_behind(number, status, word, folder):
+    before = sorted(folder.iterdir())
+    process = umbrae_process("render", "roof.glb", "--size", "3000x2000", "-q", "-o", "large.png")
+    try:
+        deadline = time.monotonic() + 60
+        while not list(folder.glob(".*.part")):
+            assert process.poll() is None and time.monotonic() < deadline
+            time.sleep(0.01)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=20)
+    finally:
+        process.kill()
+    assert process.returncode == status
+    assert line(err) == f"umbrae: error: {word}"
+    assert sorted(folder.iterdir()) == before
+
+
+def test_an_interruption_while_compiling_is_heard_at_once(folder, tmp_path):
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cold")}
+    process = umbrae_process("render", "roof.glb", "--size", "64x36", env=env)
+    try:
+        for text in process.stderr:
+            if text.startswith("umbrae: note: first run"):
+                break
+        process.send_signal(signal.SIGINT)
+        start = time.monotonic()
+        _, err = process.communicate(timeout=20)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert line(err) == "umbrae: error: interrupted"
+    assert time.monotonic() - start < 5
+
+
+def test_a_full_disk_behind_stdout_is_no_bug(folder):
+    if not Path("/dev/full").exists():
+        pytest.skip("needs /dev/full")
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "umbrae", "info", "roof.glb", "--json"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    assert done.returncode == 2
+    assert line(done.stderr).startswith("umbrae: error: cannot print the results")
 
 
 def test_verify_passes_an_exact_method(capsys):

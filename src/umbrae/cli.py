@@ -2,16 +2,18 @@
 
 Results (paths, tables, one JSON object with `--json`) go to stdout; stages, progress, notes, errors to
 stderr. Exit status: 0 done; 1 `verify` found a wrong sample; 2 bad input or too little memory; 70 a bug in
-Umbrae; 130 interrupted.
+Umbrae; 130 interrupted; 143 terminated.
 """
 
 import dataclasses
+import errno
 import json
 import os
+import signal
 import sys
-import time
 import warnings
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -27,6 +29,7 @@ from umbrae.clock import Clock
 from umbrae.console import ConsoleClock
 from umbrae.errors import RecentredWarning, UmbraeError
 from umbrae.methods import make_method
+from umbrae.parallel import kernels_are_cached
 
 app = typer.Typer(
     help="Exact shadows of arbitrary triangle soups.",
@@ -114,7 +117,7 @@ def render(
     scene = _load(model, clock)
     camera = arguments.camera(scene, size, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up)
-    _compile_kernels(algorithm, samples_per_pixel, clock)
+    _compile_kernels([algorithm], samples_per_pixel, clock)
     image = um.render(scene, camera, lights, method=algorithm, samples_per_pixel=samples_per_pixel, up=up, clock=clock)
     samples = image.samples
     assert samples is not None
@@ -188,7 +191,7 @@ def verify(
     scene = _load(model, clock)
     camera = arguments.camera(scene, size, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up)
-    _compile_kernels(algorithm, 1, clock)
+    _compile_kernels([algorithm, make_method("oracle")], 1, clock)
     with clock.span("sample"):
         samples = um.sample(scene, camera, clock=clock)
     verdicts = []
@@ -253,7 +256,12 @@ def write_pavilion(output: Output = Path("pavilion.glb")) -> None:
 
 def main() -> NoReturn:
     """Entry point of the `umbrae` command."""
-    sys.exit(run(sys.argv[1:]))
+    signal.signal(signal.SIGTERM, _terminate)
+    status = run(sys.argv[1:])
+    if status in (130, 143):
+        # Without waiting for a kernel that is being compiled in another thread.
+        os._exit(status)
+    sys.exit(status)
 
 
 def run(texts: Sequence[str]) -> int:
@@ -264,19 +272,37 @@ def run(texts: Sequence[str]) -> int:
             warnings.simplefilter("always", UserWarning)
             warnings.showwarning = _show_warning
             status = app(list(texts) or ["--help"], standalone_mode=False, prog_name="umbrae")
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except UmbraeError as error:
         return _fail(str(error), 2)
     except typer.TyperException as error:
         return _fail(error.format_message(), 2)
     except (KeyboardInterrupt, typer.Abort):
         status = 130
+    except _Terminated:
+        return _fail("terminated", 143)
+    except SystemExit:
+        # What typer makes of a reader of stdout that has gone, such as `head`.
+        return 1
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EIO, errno.EBADF):
+            # Files have errors of their own: this is stdout, which must not be tried again on the way out.
+            sys.stdout = None
+            return _fail(f"cannot print the results: {error.strerror}", 2)
         if os.environ.get("UMBRAE_DEBUG"):
             raise
         return _fail(f"{type(error).__name__}: {error} (a bug; UMBRAE_DEBUG=1 shows the traceback)", 70)
-    if status == 130:
-        return _fail("interrupted", 130)
-    return int(status or 0)
+    # typer returns 130, too.
+    return _fail("interrupted", 130) if status == 130 else int(status or 0)
+
+
+class _Terminated(BaseException):
+    """SIGTERM, as an exception: half-written files are removed on its way out."""
+
+
+def _terminate(*_: Any) -> NoReturn:
+    raise _Terminated
 
 
 def _clock(silent: bool) -> Clock:
@@ -292,18 +318,34 @@ def _load(model: Path, clock: Clock) -> um.Scene:
     return scene
 
 
-def _compile_kernels(method: um.Method, samples_per_pixel: int, clock: Clock) -> None:
-    """Run everything once on next to nothing, so that compilation is a stage of its own."""
-    start = time.perf_counter()
+def _compile_kernels(methods: Sequence[um.Method], samples_per_pixel: int, clock: Clock) -> None:
+    """Run everything once on next to nothing, so that compilation is a stage of its own.
+
+    In a thread of its own: an interruption that arrives while LLVM calls back into Python is lost.
+    """
     with clock.span("compile kernels"):
-        corners = [(-1, 0, 1), (1, 0, 1), (0, 0, -1), (-1, 1, 1), (1, 1, 1), (0, 1, -1)]
-        leaf = um.Material(alpha_mode="MASK", texture=np.full((2, 2, 4), 255, np.uint8))
-        up, flat = [(0, 1, 0)] * 6, [(0, 0)] * 6
-        tiny = um.Scene(corners, [(0, 1, 2), (3, 4, 5)], [leaf], normals=up, uv=flat)
-        camera = um.Camera.frame(tiny, width=16, height=16)
+        pool = ThreadPoolExecutor(1)
+        try:
+            work = pool.submit(_render_tiny, methods, samples_per_pixel)
+            if not wait([work], timeout=3.0).done and isinstance(clock, ConsoleClock):
+                _note(
+                    "first run: compiling takes up to a minute; kernels are cached, later starts are quick"
+                    if kernels_are_cached()
+                    else "compiling takes up to a minute: no cache can be written (NUMBA_CACHE_DIR can name a folder)"
+                )
+            work.result()
+        finally:
+            pool.shutdown(wait=False)
+
+
+def _render_tiny(methods: Sequence[um.Method], samples_per_pixel: int) -> None:
+    corners = [(-1, 0, 1), (1, 0, 1), (0, 0, -1), (-1, 1, 1), (1, 1, 1), (0, 1, -1)]
+    leaf = um.Material(alpha_mode="MASK", texture=np.full((2, 2, 4), 255, np.uint8))
+    up, flat = [(0, 1, 0)] * 6, [(0, 0)] * 6
+    tiny = um.Scene(corners, [(0, 1, 2), (3, 4, 5)], [leaf], normals=up, uv=flat)
+    camera = um.Camera.frame(tiny, width=16, height=16)
+    for method in methods:
         um.render(tiny, camera, [um.Light.sun(120, 60)], method=method, samples_per_pixel=samples_per_pixel)
-    if time.perf_counter() - start > 3.0 and isinstance(clock, ConsoleClock):
-        _note("first run: kernels compiled and cached; later starts are quick")
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:

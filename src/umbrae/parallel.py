@@ -19,13 +19,30 @@ from umbrae.clock import Clock
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function with Numba: no interpreter lock, cached on disk, IEEE arithmetic as written (no fastmath)."""
-    compiled: Callable[..., Any] = njit(cache=True, nogil=True, error_model="numpy")(function)
-    return compiled
+    return _compiled(function)
 
 
 def inline(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a small function that kernels call; LLVM inlines it."""
-    compiled: Callable[..., Any] = njit(cache=True, nogil=True, error_model="numpy", inline="never")(function)
+    return _compiled(function, inline="never")
+
+
+def kernels_are_cached() -> bool:
+    """Whether compiled kernels are kept on disk for later starts."""
+    return not _without_cache
+
+
+_without_cache: list[str] = []
+
+
+def _compiled(function: Callable[..., Any], **options: str) -> Callable[..., Any]:
+    compiled: Callable[..., Any]
+    try:
+        compiled = njit(cache=True, nogil=True, error_model="numpy", **options)(function)
+    except RuntimeError:
+        # Neither the package's folder nor the user's cache folder can be written: each start compiles anew.
+        _without_cache.append(function.__name__)
+        compiled = njit(nogil=True, error_model="numpy", **options)(function)
     return compiled
 
 
