@@ -189,7 +189,7 @@ BAD = {
     "render roof.glb -o out.xyz": "out.xyz: unknown extension '.xyz'",
     "render roof.glb --npz out.txt": "out.txt: unknown extension '.txt'",
     "render roof.glb -o a.png --mask ./a.png": "a.png: would overwrite another output",
-    "render picture.png -o picture.png": "picture.png: would overwrite the model",
+    "render picture.png -o picture.png": "picture.png: no such file",
     "render roof.glb --sice 9x9": "No such option: --sice",
     "render": "Missing argument 'MODEL'",
     "rendre": "No such command 'rendre'",
@@ -234,6 +234,18 @@ def test_interruption_and_bugs_are_one_line_each(capsys, monkeypatch):
     monkeypatch.setenv("UMBRAE_DEBUG", "1")
     with pytest.raises(ZeroDivisionError):
         cli.run(["info", "roof.glb"])
+
+
+@pytest.mark.parametrize("texts", ["", "-o other.png --mask skin.png"])
+def test_a_texture_of_the_model_is_never_overwritten(texts, capsys, folder):
+    Image.new("RGB", (2, 2), "red").save("skin.png")
+    (folder / "skin.mtl").write_text("newmtl red\nmap_Kd skin.png\n")
+    (folder / "skin.obj").write_text("mtllib skin.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n")
+    before = (folder / "skin.png").read_bytes()
+    assert umbrae(f"render skin.obj --size 16x9 -q {texts}") == 2
+    assert "skin.png: would overwrite the model's texture" in line(capsys.readouterr().err)
+    assert (folder / "skin.png").read_bytes() == before
+    assert umbrae("render skin.obj --size 16x9 -q -o other.png") == 0
 
 
 def umbrae_process(*texts, **more):

@@ -113,8 +113,9 @@ def render(
     picture = output or Path(f"{model.stem}.png")
     mask_paths = outputs.mask_paths(mask, max(1, len(light) + len(sun)))
     outputs.check(model, [picture, *mask_paths], npz)
+    written = [picture, *mask_paths, *([npz] if npz else [])]
 
-    scene = _load(model, clock)
+    scene = _load(model, clock, written)
     camera = arguments.camera(scene, size, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up)
     _compile_kernels([algorithm], samples_per_pixel, clock)
@@ -129,7 +130,7 @@ def render(
             files.save_arrays(npz, **outputs.arrays(scene, lights, image))
 
     if not as_json:
-        for path in (picture, *mask_paths, *([npz] if npz else [])):
+        for path in written:
             print(path)
         return
     _print_json(
@@ -309,8 +310,8 @@ def _clock(silent: bool) -> Clock:
     return Clock() if silent else ConsoleClock()
 
 
-def _load(model: Path, clock: Clock) -> um.Scene:
-    scene = um.load(model, clock)
+def _load(model: Path, clock: Clock, written: Sequence[Path] = ()) -> um.Scene:
+    scene = um.load(model, clock, written)
     used = {scene.materials[index] for index in set(scene.material_id.tolist())}
     soft = sum(not material.casts_solid for material in used)
     if soft:

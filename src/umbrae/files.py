@@ -25,6 +25,7 @@ from umbrae.scene import Scene
 __all__ = [
     "IMAGES",
     "MODELS",
+    "check_readable",
     "check_writable",
     "load",
     "save",
@@ -64,7 +65,7 @@ IMAGES = tuple(_IMAGES)
 """Extensions of pictures that `save_image` writes."""
 
 
-def load(path: AnyPath, clock: Clock | None = None) -> Scene:
+def load(path: AnyPath, clock: Clock | None = None, outputs: Collection[AnyPath] = ()) -> Scene:
     """Read a model: glTF, GLB, OBJ, PLY or STL.
 
     Parameters
@@ -73,11 +74,15 @@ def load(path: AnyPath, clock: Clock | None = None) -> Scene:
         The file. Buffers, pictures and material libraries it names must lie in its folder or below.
     clock
         Hears the span "load".
+    outputs
+        Files that the caller is going to write: a model that reads one of them, say as a texture, is refused.
 
     Raises
     ------
     ModelError
         For a file that is missing, unreadable, malformed, or without triangles.
+    OutputError
+        When one of `outputs` belongs to the model.
     CapacityError
         For a model that would not fit into memory.
 
@@ -90,14 +95,7 @@ def load(path: AnyPath, clock: Clock | None = None) -> Scene:
     """
     file = _path(path)
     with (clock or Clock()).span("load"), np.errstate(all="ignore"):
-        reader = _READERS.get(file.suffix.lower())
-        # Unlike those of Path, these are also false for a path that cannot be.
-        if not os.path.exists(file):
-            raise ModelError(f"{file}: no such file")
-        if not os.path.isfile(file):
-            raise ModelError(f"{file}: is not a file")
-        if reader is None:
-            raise ModelError(f"{file}: unknown extension {file.suffix!r}, wanted one of {' '.join(_READERS)}")
+        reader = check_readable(path)
         try:
             data = file.read_bytes()
         except OSError as error:
@@ -105,9 +103,9 @@ def load(path: AnyPath, clock: Clock | None = None) -> Scene:
         if not data:
             raise ModelError(f"{file}: is empty")
         try:
-            return reader(data, Folder(file.parent))
-        except UserWarning:
-            # One of the two above, made an error by the caller.
+            return reader(data, Folder(file.parent, {Path(os.path.realpath(output)) for output in outputs}))
+        except (UserWarning, OutputError):
+            # One of the two warnings above, made an error by the caller; or what must not be overwritten.
             raise
         except InputError as error:
             raise ModelError(f"{file}: {error}") from error
@@ -174,6 +172,25 @@ def save_arrays(path: AnyPath, **arrays: NDArray[Any]) -> None:
     check_writable(path, (".npz",))
     with _whole(path) as stream:
         np.savez(stream, allow_pickle=False, **arrays)
+
+
+def check_readable(path: AnyPath) -> Callable[[bytes, Folder], Scene]:
+    """Refuse what is no model file by its name; returns its reader.
+
+    Raises
+    ------
+    ModelError
+        For a file that is missing or no ordinary file, or another extension.
+    """
+    file = _path(path)
+    # Unlike those of Path, these are also false for a path that cannot be.
+    if not os.path.exists(file):
+        raise ModelError(f"{file}: no such file")
+    if not os.path.isfile(file):
+        raise ModelError(f"{file}: is not a file")
+    if file.suffix.lower() not in _READERS:
+        raise ModelError(f"{file}: unknown extension {file.suffix!r}, wanted one of {' '.join(_READERS)}")
+    return _READERS[file.suffix.lower()]
 
 
 def check_writable(path: AnyPath, extensions: Collection[str] = ()) -> None:

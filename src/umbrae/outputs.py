@@ -17,6 +17,7 @@ from umbrae.scene import Scene
 
 def check(model: Path, pictures: Sequence[Path], npz: Path | None) -> None:
     """Raise `OutputError` unless every path can be written, and none is the model or given twice."""
+    files.check_readable(model)
     taken = {model.resolve(): "the model"}
     for path in [*pictures, *([npz] if npz else [])]:
         files.check_writable(path, (".npz",) if path is npz else files.IMAGES)

@@ -6,23 +6,26 @@ import posixpath
 import re
 import urllib.parse
 import warnings
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
-from umbrae.errors import ModelError
+from umbrae.errors import ModelError, OutputError
 
 
 class Folder:
     """The model's folder, the only place that its references may lead to.
 
-    Pictures are decoded once: materials that name the same one share its array.
+    Pictures are decoded once: materials that name the same one share its array. Files that are about to be
+    overwritten by the work that the model is read for (`outputs`, real paths) are refused.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, outputs: Collection[Path] = ()) -> None:
         self.path = path
+        self.outputs = outputs
         self._textures: dict[str, NDArray[np.uint8]] = {}
 
     def locate(self, reference: str, what: str) -> Path:
@@ -40,6 +43,8 @@ class Folder:
         """Content of the referenced file."""
         if not self.has(reference, what):
             raise ModelError(f"{what} {_short(reference)} is missing")
+        if self.locate(reference, what).resolve() in self.outputs:
+            raise OutputError(f"{self.locate(reference, what)}: would overwrite the model's {what}")
         try:
             return self.locate(reference, what).read_bytes()
         except OSError as error:
