@@ -1,5 +1,8 @@
 """Memory is asked before it is used."""
 
+import subprocess
+import sys
+
 import pytest
 
 import umbrae.memory
@@ -25,3 +28,17 @@ def test_the_tightest_control_group_counts(monkeypatch: pytest.MonkeyPatch) -> N
     assert available_bytes() == 700
     monkeypatch.setattr(umbrae.memory, "_group_bytes", lambda: iter([-5]))
     assert available_bytes() == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such limits")
+def test_the_limit_of_the_process_counts() -> None:
+    limit = 4 << 30
+    code = f"""if True:
+        import resource
+        from umbrae.memory import available_bytes
+        before = available_bytes()
+        resource.setrlimit(resource.RLIMIT_AS, ({limit}, {limit}))
+        print(before, available_bytes())"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    before, after = map(int, done.stdout.split())
+    assert 0 < after < limit and after <= before

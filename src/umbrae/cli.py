@@ -286,6 +286,8 @@ def run(texts: Sequence[str]) -> int:
     except SystemExit:
         # What typer makes of a reader of stdout that has gone, such as `head`.
         return 1
+    except MemoryError as error:
+        return _fail(f"out of memory: {str(error) or 'a smaller --size needs less'}", 2)
     except Exception as error:
         if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EIO, errno.EBADF):
             # Files have errors of their own: this is stdout, which must not be tried again on the way out.

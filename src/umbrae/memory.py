@@ -11,8 +11,8 @@ _GIB = 1 << 30
 
 
 def available_bytes() -> int:
-    """Bytes this process can still allocate: free on the machine and allowed by its control groups."""
-    return max(0, min([_machine_bytes(), *_group_bytes()]))
+    """Bytes this process can still allocate: free on the machine, allowed by its control groups and its own limit."""
+    return max(0, min([_machine_bytes(), *_group_bytes(), *_limit_bytes()]))
 
 
 def require(size: int, what: str) -> None:
@@ -46,6 +46,18 @@ def _machine_bytes() -> int:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):
         return sys.maxsize  # unknown: never refuse
+
+
+def _limit_bytes() -> Iterator[int]:
+    """What `ulimit -v` still allows."""
+    try:
+        import resource
+
+        limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+        if limit != resource.RLIM_INFINITY:
+            yield limit - int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    except (ImportError, OSError, ValueError):
+        pass
 
 
 def _group_bytes() -> Iterator[int]:
