@@ -142,6 +142,7 @@ def render(
         method=algorithm.name,
         options=algorithm.options(),
         guarantee=algorithm.guarantee,
+        origin=scene.origin.tolist(),
         lights=[
             {
                 "position": one.position.tolist(),
@@ -212,13 +213,17 @@ def verify(
             }
             for one, verdict in zip(lights, verdicts, strict=True)
         ]
-        _print_json(model=str(model), method=algorithm.name, seed=seed, lights=results, seconds=clock.seconds())
+        about = {"model": str(model), "method": algorithm.name, "seed": seed, "origin": scene.origin.tolist()}
+        _print_json(**about, lights=results, seconds=clock.seconds())
     else:
         for one, verdict in zip(lights, verdicts, strict=True):
-            where = ", ".join(f"{number:.6g}" for number in one.position[:3])
-            kind = "sun towards" if one.is_directional else "light at"
+            if one.is_directional:
+                where = f"sun towards {info.triple(one.position[:3], 6)}"
+            else:
+                digits = info.FAR_DIGITS if scene.origin.any() else 6
+                where = f"light at {info.triple(one.position[:3] + scene.origin, digits)}"
             print(
-                f"{kind} ({where}): {verdict.checked:,} samples, {verdict.outside_band:,} wrong outside the "
+                f"{where}: {verdict.checked:,} samples, {verdict.outside_band:,} wrong outside the "
                 f"band, {verdict.inside_band:,} inside, worst margin {verdict.worst_margin:.3g}"
             )
     if not all(verdict.ok for verdict in verdicts):

@@ -1,6 +1,7 @@
 """What a model consists of, and what that means for its shadows."""
 
 import dataclasses
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,9 @@ from umbrae.scene import Scene
 
 PICTURE_PX = 1920 * 1080
 """The picture that the memory estimate is for."""
+
+FAR_DIGITS = 10
+"""Digits of coordinates far from zero: millimetres of a georeferenced model."""
 
 _BYTES_PER_SAMPLE = 4 + 8 + 1 + 12 + 1 + 4 + 1
 """Triangle, barycentrics, side, position, covered and depth of a view sample, and its verdict."""
@@ -124,6 +128,7 @@ def light_grid(scene: Scene) -> NDArray[np.float64]:
 def table(info: ModelInfo) -> Table:
     """The numbers for a terminal of 80 columns."""
     lower, upper = info.bounds
+    digits = FAR_DIGITS if any(info.origin) else 6
     rows = Table(box=None, show_header=False, pad_edge=False)
     rows.add_column(no_wrap=True, style="bold")
     rows.add_column(overflow="fold")
@@ -142,8 +147,8 @@ def table(info: ModelInfo) -> Table:
         ("silhouettes", f"{info.silhouette_share:.1%} of the edges, on average over 64 lights"),
         ("degenerate", f"{info.degenerate:,} triangles"),
         ("duplicates", f"{info.duplicates:,} triangles"),
-        ("bounds", f"{_triple(lower)} to {_triple(upper)}"),
-        *((("origin", _triple(info.origin)),) if any(info.origin) else ()),
+        ("bounds", f"{triple(lower, digits)} to {triple(upper, digits)}"),
+        *((("origin", triple(info.origin, digits)),) if any(info.origin) else ()),
         (
             "memory",
             f"{_mib(info.scene_bytes)} for the scene, {_mib(info.samples_bytes)} for 1920x1080 samples",
@@ -199,8 +204,9 @@ def _material_line(material: MaterialInfo) -> str:
     return ", ".join(parts)
 
 
-def _triple(numbers: tuple[float, ...]) -> str:
-    return "({})".format(", ".join(f"{number:.6g}" for number in numbers))
+def triple(numbers: Iterable[float], digits: int) -> str:
+    """`(x, y, z)` for a terminal."""
+    return "({})".format(", ".join(f"{number:.{digits}g}" for number in numbers))
 
 
 def _mib(size: int) -> str:
