@@ -189,9 +189,11 @@ def cluster_tiles(
                     leaf_x[slot, filled], leaf_y[slot, filled], leaf_q[slot, filled] = x, y, q
                     leaf_sample[slot, filled] = tile_sample[lane]
                     leaf_own[slot, filled] = triangle[tile_sample[lane]]
-                    # Rounded up to float32, and 2**-24 of the coordinate for its own rounding (q may exceed 1).
+                    # Rounded up to float32, and 2**-24 of the coordinate for its own rounding (q may exceed 1, and
+                    # below 2**-126 that is up to 2**-150).
                     slack_x = max(slack_x, np.float32(tile_dx[lane] * 1.000001 + 2.0**-24))
-                    slack_q = max(slack_q, np.float32(tile_dq[lane] * 1.000001 + 2.0**-24 * abs(tile_q[lane])))
+                    rounding = 2.0**-24 * abs(tile_q[lane]) + 2.0**-149
+                    slack_q = max(slack_q, np.float32(tile_dq[lane] * 1.000001 + rounding))
                     xmin, xmax = min(xmin, x), max(xmax, x)
                     ymin, ymax = min(ymin, y), max(ymax, y)
                     qmin, qmax = min(qmin, q), max(qmax, q)
