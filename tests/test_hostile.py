@@ -323,6 +323,12 @@ def test_binary_ply_of_triangles_and_quads_is_refused(tmp_path: Path) -> None:
     assert isinstance(answer, str) and "different numbers of corners" in answer
 
 
+def test_the_reader_behind_stl_logs_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "a.stl").write_text(STL.replace("normal 0 0 1", "normal 0 0 up") + "endsolid a\n")
+    assert len(load(tmp_path / "a.stl").triangles) == 1
+    assert caplog.records == []
+
+
 def test_stl_with_a_wrong_count(tmp_path: Path) -> None:
     save(Scene(SQUARE, [[0, 1, 2], [0, 2, 3]]), tmp_path / "a.stl")
     data = bytearray((tmp_path / "a.stl").read_bytes())

@@ -101,14 +101,15 @@ def _parse(data: bytes, kind: str) -> trimesh.Scene:
 def _quiet() -> Iterator[None]:
     """Neither warnings nor log lines of trimesh, except that numbers it could not read are an error."""
     log = logging.getLogger("trimesh")
-    before, log.disabled = log.disabled, True
+    before = log.level
+    log.setLevel(logging.CRITICAL + 1)  # and so its children, one per module
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             warnings.filterwarnings("error", message=".*could not be read to its end")
             yield
     finally:
-        log.disabled = before
+        log.setLevel(before)
 
 
 def _check_rows(header: str, body: str) -> None:
