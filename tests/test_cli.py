@@ -304,6 +304,12 @@ def test_a_full_disk_behind_stdout_is_no_bug(folder):
     assert line(done.stderr).startswith("umbrae: error: cannot print the results")
 
 
+@pytest.mark.parametrize("command", ["render", "verify"])
+def test_a_camera_that_looks_away_is_noted(command, capsys):
+    assert umbrae(f"{command} roof.glb --size 32x18 -q --eye 0,9,0 --target 0,20,0") == 0
+    assert line(capsys.readouterr().err) == "umbrae: note: the camera sees nothing of the model"
+
+
 def test_verify_passes_an_exact_method(capsys):
     texts = "verify roof.glb --size 64x36 --count 500 --sun 120,40 --light 0,3,0"
     assert umbrae(texts) == 0

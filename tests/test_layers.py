@@ -14,7 +14,8 @@ SOURCE = Path(__file__).parents[1] / "src" / "umbrae"
 LAYERS = [
     {"__main__"},
     {"cli"},
-    {"arguments", "console", "outputs", "info"},
+    {"arguments", "outputs", "info", "warmup"},
+    {"console"},
     {"render", "models"},
     {"methods", "shade", "verify"},
     {"sampling"},
@@ -26,7 +27,7 @@ LAYERS = [
     {"errors"},
 ]
 LEVEL = {room: level for level, rooms in enumerate(LAYERS) for room in rooms}
-NOUNS = LAYERS[8]
+NOUNS = LAYERS[9]
 STRANGERS = {
     "methods": {"sampling", "shade"},
     "shade": {"sampling", "methods"},

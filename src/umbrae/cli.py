@@ -12,12 +12,10 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
-import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -26,10 +24,10 @@ import umbrae as um
 from umbrae import arguments, files, info, models, outputs
 from umbrae.arguments import Size, Sun, Vector
 from umbrae.clock import Clock
-from umbrae.console import ConsoleClock
+from umbrae.console import ConsoleClock, note, one_line
 from umbrae.errors import RecentredWarning, UmbraeError
 from umbrae.methods import make_method
-from umbrae.parallel import kernels_are_cached
+from umbrae.warmup import compile_kernels
 
 app = typer.Typer(
     help="Exact shadows of arbitrary triangle soups.",
@@ -118,10 +116,11 @@ def render(
     scene = _load(model, clock, written)
     camera = arguments.camera(scene, size, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up)
-    _compile_kernels([algorithm], samples_per_pixel, clock)
+    compile_kernels([algorithm], samples_per_pixel, clock)
     image = um.render(scene, camera, lights, method=algorithm, samples_per_pixel=samples_per_pixel, up=up, clock=clock)
     samples = image.samples
     assert samples is not None
+    _note_if_nothing_is_seen(samples)
     with clock.span("write"):
         image.save(picture)
         for path, one in zip(mask_paths, image.masks, strict=bool(mask_paths)):
@@ -193,9 +192,10 @@ def verify(
     scene = _load(model, clock)
     camera = arguments.camera(scene, size, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up)
-    _compile_kernels([algorithm, make_method("oracle")], 1, clock)
+    compile_kernels([algorithm, make_method("oracle")], 1, clock)
     with clock.span("sample"):
         samples = um.sample(scene, camera, clock=clock)
+    _note_if_nothing_is_seen(samples)
     verdicts = []
     for one in lights:
         shadow_mask = um.shadow(scene, one, samples, method=algorithm, clock=clock)
@@ -245,19 +245,16 @@ def write_spheres(
     output: Output = Path("spheres.glb"),
     grid: Annotated[Size, typer.Option(parser=arguments.size, metavar="AxB", help="Number of spheres.")] = DEFAULT_GRID,
     triangles: Annotated[int, typer.Option(metavar="N", help="In all, about.")] = 100_000,
+    quiet: Quiet = False,
 ) -> None:
     """Spheres over a ground plane, after Milet et al."""
-    files.check_writable(output, files.MODELS)
-    um.save(models.spheres(grid=(grid.width, grid.height), triangles=triangles), output)
-    print(output)
+    _write_scene(output, lambda: models.spheres((grid.width, grid.height), triangles), quiet)
 
 
 @scenes.command("pavilion")
-def write_pavilion(output: Output = Path("pavilion.glb")) -> None:
+def write_pavilion(output: Output = Path("pavilion.glb"), quiet: Quiet = False) -> None:
     """A small piece of architecture with a tree and coloured glass."""
-    files.check_writable(output, files.MODELS)
-    um.save(models.pavilion(), output)
-    print(output)
+    _write_scene(output, models.pavilion, quiet)
 
 
 def main() -> NoReturn:
@@ -317,62 +314,39 @@ def _clock(silent: bool) -> Clock:
     return Clock() if silent else ConsoleClock()
 
 
+def _write_scene(output: Path, make: Callable[[], um.Scene], quiet: bool) -> None:
+    files.check_writable(output, files.MODELS)
+    clock = _clock(quiet)
+    with clock.span("make"):
+        scene = make()
+    with clock.span("write"):
+        um.save(scene, output)
+    print(output)
+
+
 def _load(model: Path, clock: Clock, written: Sequence[Path] = ()) -> um.Scene:
     scene = um.load(model, clock, written)
     used = {scene.materials[index] for index in set(scene.material_id.tolist())}
     soft = sum(not material.casts_solid for material in used)
     if soft:
-        _note(f"{soft} alpha-masked or transparent material{'s' * (soft > 1)}: casting solid shadows for now")
+        note(f"{soft} alpha-masked or transparent material{'s' * (soft > 1)}: casting solid shadows for now")
     return scene
 
 
-def _compile_kernels(methods: Sequence[um.Method], samples_per_pixel: int, clock: Clock) -> None:
-    """Run everything once on next to nothing, so that compilation is a stage of its own.
-
-    In a thread of its own: an interruption that arrives while LLVM calls back into Python is lost.
-    """
-    with clock.span("compile kernels"):
-        pool = ThreadPoolExecutor(1)
-        try:
-            work = pool.submit(_render_tiny, methods, samples_per_pixel)
-            if not wait([work], timeout=3.0).done and isinstance(clock, ConsoleClock):
-                _note(
-                    "first run: compiling takes up to a minute; kernels are cached, later starts are quick"
-                    if kernels_are_cached()
-                    else "compiling takes up to a minute: no cache can be written (NUMBA_CACHE_DIR can name a folder)"
-                )
-            work.result()
-        finally:
-            pool.shutdown(wait=False)
-
-
-def _render_tiny(methods: Sequence[um.Method], samples_per_pixel: int) -> None:
-    corners = [(-1, 0, 1), (1, 0, 1), (0, 0, -1), (-1, 1, 1), (1, 1, 1), (0, 1, -1)]
-    leaf = um.Material(alpha_mode="MASK", texture=np.full((2, 2, 4), 255, np.uint8))
-    up, flat = [(0, 1, 0)] * 6, [(0, 0)] * 6
-    tiny = um.Scene(corners, [(0, 1, 2), (3, 4, 5)], [leaf], normals=up, uv=flat)
-    camera = um.Camera.frame(tiny, width=16, height=16)
-    for method in methods:
-        um.render(tiny, camera, [um.Light.sun(120, 60)], method=method, samples_per_pixel=samples_per_pixel)
+def _note_if_nothing_is_seen(samples: um.ViewSamples) -> None:
+    if not samples.covered.any():
+        note("the camera sees nothing of the model")
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
     if issubclass(category, RecentredWarning):
         message = "coordinates far from zero: recentred inside; options stay in the file's own coordinates"
-    _note(str(message))
-
-
-def _note(text: str) -> None:
-    print(f"umbrae: note: {_one_line(text)}", file=sys.stderr)
+    note(str(message))
 
 
 def _fail(text: str, status: int) -> int:
-    print(f"umbrae: error: {_one_line(text)}", file=sys.stderr)
+    print(f"umbrae: error: {one_line(text)}", file=sys.stderr)
     return status
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
 
 
 def _print_json(**values: Any) -> None:

@@ -11,6 +11,16 @@ from umbrae.clock import Clock
 BAR_AFTER_SECONDS = 1.0
 
 
+def note(text: str) -> None:
+    """One line on stderr that is good to know."""
+    print(f"umbrae: note: {one_line(text)}", file=sys.stderr)
+
+
+def one_line(text: str) -> str:
+    """Without line breaks and double spaces."""
+    return " ".join(text.split())
+
+
 class ConsoleClock(Clock):
     """A clock that prints every finished outermost span with its time on stderr.
 

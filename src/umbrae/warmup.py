@@ -1,0 +1,47 @@
+"""Compilation as a stage of its own, before the work starts."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+
+import numpy as np
+
+from umbrae.camera import Camera
+from umbrae.clock import Clock
+from umbrae.console import ConsoleClock, note
+from umbrae.light import Light
+from umbrae.material import Material
+from umbrae.methods import Method
+from umbrae.parallel import kernels_are_cached
+from umbrae.render import render
+from umbrae.scene import Scene
+
+
+def compile_kernels(methods: Sequence[Method], samples_per_pixel: int, clock: Clock) -> None:
+    """Compile what a rendering with these methods needs, or load it from the cache.
+
+    In a thread of its own: an interruption that arrives while LLVM calls back into Python is lost.
+    """
+    with clock.span("compile kernels"):
+        pool = ThreadPoolExecutor(1)
+        try:
+            work = pool.submit(_render_tiny, methods, samples_per_pixel)
+            if not wait([work], timeout=3.0).done and isinstance(clock, ConsoleClock):
+                note(
+                    "first run: compiling takes up to a minute; kernels are cached, later starts are quick"
+                    if kernels_are_cached()
+                    else "compiling takes up to a minute: no cache can be written (NUMBA_CACHE_DIR can name a folder)"
+                )
+            work.result()
+        finally:
+            pool.shutdown(wait=False)
+
+
+def _render_tiny(methods: Sequence[Method], samples_per_pixel: int) -> None:
+    """Everything once on next to nothing: smooth normals, a texture, a mask."""
+    corners = [(-1, 0, 1), (1, 0, 1), (0, 0, -1), (-1, 1, 1), (1, 1, 1), (0, 1, -1)]
+    leaf = Material(alpha_mode="MASK", texture=np.full((2, 2, 4), 255, np.uint8))
+    up, flat = [(0, 1, 0)] * 6, [(0, 0)] * 6
+    tiny = Scene(corners, [(0, 1, 2), (3, 4, 5)], [leaf], normals=up, uv=flat)
+    camera = Camera.frame(tiny, width=16, height=16)
+    for method in methods:
+        render(tiny, camera, [Light.sun(120, 60)], method=method, samples_per_pixel=samples_per_pixel)
