@@ -349,10 +349,11 @@ def test_an_alpha_mask_is_seen_through_where_the_texture_says_so() -> None:
     np.testing.assert_array_equal(shown(scene), np.outer(along, along) >= 0.5)
 
 
-@pytest.mark.parametrize("mode", ["OPAQUE", "BLEND"])
-def test_only_alpha_masks_have_holes(mode: str) -> None:
-    texture = np.zeros((4, 4, 4), np.uint8)
-    assert shown(masked_square(Material((1, 1, 1, 0.2), alpha_mode=mode, texture=texture))).all()
+def test_opaque_surfaces_have_no_holes_and_blended_ones_where_nothing_is_left() -> None:
+    empty, faint = np.zeros((4, 4, 4), np.uint8), np.full((4, 4, 4), 1, np.uint8)
+    assert shown(masked_square(Material((1, 1, 1, 0), alpha_mode="OPAQUE", texture=empty))).all()
+    assert shown(masked_square(Material(alpha_mode="BLEND", texture=faint))).all()
+    assert not shown(masked_square(Material(alpha_mode="BLEND", texture=empty))).any()
 
 
 def test_base_and_vertex_alpha_count() -> None:

@@ -17,6 +17,7 @@ from umbrae.checks import instance
 from umbrae.clock import Clock
 from umbrae.errors import OptionError
 from umbrae.geometry.texture import Textures, fetch, pack
+from umbrae.material import Material
 from umbrae.memory import require
 from umbrae.parallel import inline, kernel, run
 from umbrae.samples import ViewSamples
@@ -38,7 +39,7 @@ class _Surface(NamedTuple):
     """What decides whether an alpha-masked surface is seen through."""
 
     material_id: NDArray[np.int32]
-    cutoff: NDArray[np.float64]  # per material, -1 unless alpha-masked
+    cutoff: NDArray[np.float64]  # per material, -1 if opaque
     alpha: NDArray[np.float64]  # per material, of the base colour
     uv: NDArray[np.float32]  # (0, 2) if the scene has none
     colors: NDArray[np.float32]  # (0, 4) if the scene has none
@@ -49,8 +50,8 @@ def sample(scene: Scene, camera: Camera, samples_per_pixel: int = 1, clock: Cloc
     """Find the point of the scene that the camera sees at each sample of its picture.
 
     Triangles are seen from both sides. Surfaces of alpha mode MASK are seen through where their alpha is
-    below the cutoff; BLEND is drawn as opaque. Where coincident triangles tie, the lowest index wins.
-    Triangles without area are not seen.
+    below the cutoff; BLEND is drawn as opaque, except where its alpha rounds to 0 in 8 bits. Where coincident
+    triangles tie, the lowest index wins. Triangles without area are not seen.
 
     Parameters
     ----------
@@ -127,25 +128,30 @@ def _surface(scene: Scene) -> _Surface:
         none.flags.writeable = False  # as the scene's own arrays: to Numba it is part of the type
         return none
 
-    masked = [material.alpha_mode == "MASK" for material in scene.materials]
+    cutoff = np.array([_cutoff(material) for material in scene.materials])
     return _Surface(
         scene.material_id,
-        np.array([m.alpha_cutoff if cut else -1.0 for m, cut in zip(scene.materials, masked, strict=True)]),
+        cutoff,
         np.array([material.base_color[3] for material in scene.materials]),
         rows(scene.uv, 2),
         rows(scene.colors, 4),
         pack(
             [
-                m.texture if cut and scene.uv is not None else None
-                for m, cut in zip(scene.materials, masked, strict=True)
+                m.texture if cut >= 0 and scene.uv is not None else None
+                for m, cut in zip(scene.materials, cutoff, strict=True)
             ]
         ),
     )
 
 
+def _cutoff(material: Material) -> float:
+    """Alpha below which there is nothing to be seen; -1 for opaque surfaces."""
+    return {"OPAQUE": -1.0, "MASK": material.alpha_cutoff, "BLEND": 0.5 / 255}[material.alpha_mode]
+
+
 @inline
 def _seen_through(geometry: Geometry, surface: _Surface, t: int, x: float, y: float) -> bool:
-    """Whether the alpha-masked triangle has a hole at sample (x, y)."""
+    """Whether the triangle, which is not opaque, has a hole at sample (x, y)."""
     a, b, c = corners(geometry, t)
     wb, wc = weights(a, b, c, x, y)
     wa = 1.0 - wb - wc
