@@ -72,15 +72,12 @@ class FrustumCaster(Caster):
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         clock = clock or Clock()
-        shape = samples.shape
         in_shadow = np.zeros(samples.size, bool)
         stats = np.zeros(len(COUNTERS), np.int64)
         if len(self.scene.triangles) and samples.size:
             source = light.position.astype(np.float64)
             with clock.span("facing"):
                 facing, bounds = self._facing(source, clock)
-            if samples.shape == ():
-                samples = samples.take(np.zeros(1, np.intp))
             width = samples.size // samples.shape[0]
             step = max(4, BLOCK // width // 4 * 4)
             for start in range(0, samples.shape[0], step):
@@ -88,7 +85,7 @@ class FrustumCaster(Caster):
                 part = in_shadow[start * width : (start + step) * width]
                 stats += self._shadow_block(source, block, facing, bounds, part, clock)
         counters = dict(zip(COUNTERS, (int(n) for n in stats), strict=True))
-        return ShadowMask(in_shadow.reshape(shape), Guarantee.EXACT, stats=counters)
+        return ShadowMask(in_shadow.reshape(samples.shape), Guarantee.EXACT, stats=counters)
 
     def _shadow_block(
         self,
