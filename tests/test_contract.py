@@ -9,7 +9,7 @@ from PIL import Image
 
 from soups import SOUPS, Soup
 from truth import rational_truth
-from umbrae import METHODS, Camera, Light, Scene, ViewSamples, sample, verify
+from umbrae import METHODS, Camera, InputError, Light, Scene, ViewSamples, sample, verify
 from umbrae.methods.oracle import Oracle
 
 FAILURES = Path(__file__).parent / "failures"
@@ -139,3 +139,11 @@ def test_moving_scene_and_light_by_a_representable_amount_changes_nothing(method
     first = here.shadow(Light.point(light), ViewSamples.on_surface(soup.scene, triangle, uv, 1))
     second = there.shadow(Light.point(light + shift), ViewSamples.on_surface(moved, triangle, uv, 1))
     np.testing.assert_array_equal(first.in_shadow, second.in_shadow)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_samples_of_another_scene_are_refused(method):
+    small, large = SOUPS["one_triangle"].scene, SOUPS["tilted_grid"].scene
+    samples = ViewSamples.on_surface(large, [len(large.triangles) - 1], [[0.25, 0.25]], 1)
+    with pytest.raises(InputError, match="another scene"):
+        METHODS[method]().prepare(small).shadow(Light.point((0, 9, 0)), samples)

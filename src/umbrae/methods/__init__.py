@@ -60,7 +60,6 @@ def shadow(
     clock = clock or Clock()
     for value, kind, name in ((scene, Scene, "scene"), (light, Light, "light"), (samples, ViewSamples, "samples")):
         instance(value, kind, name)
-    samples.check(scene)
     with clock.span("prepare"):
         caster = make_method(method).prepare(scene, clock)
     with clock.span("shadow"):

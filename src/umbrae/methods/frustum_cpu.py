@@ -71,6 +71,7 @@ class FrustumCaster(Caster):
             self.solids = find_solids(scene.positions, scene.triangles, solid[scene.material_id])
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
+        samples.check(self.scene)
         clock = clock or Clock()
         in_shadow = np.zeros(samples.size, bool)
         stats = np.zeros(len(COUNTERS), np.int64)

@@ -17,7 +17,10 @@ class Caster(ABC):
 
     @abstractmethod
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
-        """Decide every sample; marks its stages as spans on `clock`."""
+        """Decide every sample; marks its stages as spans on `clock`.
+
+        Starts with `samples.check(scene)`, which refuses samples that were made for another scene.
+        """
 
 
 @dataclass(frozen=True)

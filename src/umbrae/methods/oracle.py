@@ -51,6 +51,7 @@ class OracleCaster(Caster):
             self.tree.upper[:] = np.inf
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
+        samples.check(self.scene)
         clock = clock or Clock()
         flat = samples.take(np.flatnonzero(samples.covered.reshape(-1)))
         verdict = np.zeros(flat.size, np.int8)
