@@ -27,6 +27,7 @@ from umbrae.clock import Clock
 from umbrae.console import ConsoleClock, note, one_line
 from umbrae.errors import RecentredWarning, UmbraeError
 from umbrae.methods import make_method
+from umbrae.shade import mask_image
 from umbrae.warmup import compile_kernels
 
 app = typer.Typer(
@@ -124,7 +125,7 @@ def render(
     with clock.span("write"):
         image.save(picture)
         for path, one in zip(mask_paths, image.masks, strict=bool(mask_paths)):
-            files.save_image(path, outputs.mask_pixels(one))
+            files.save_image(path, mask_image(one))
         if npz:
             files.save_arrays(npz, **outputs.arrays(scene, lights, image))
 

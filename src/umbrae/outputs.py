@@ -11,7 +11,6 @@ from umbrae import files
 from umbrae.errors import OutputError
 from umbrae.image import Image
 from umbrae.light import Light
-from umbrae.mask import ShadowMask
 from umbrae.scene import Scene
 
 
@@ -33,14 +32,6 @@ def mask_paths(mask: Path | None, count: int) -> list[Path]:
     if count == 1:
         return [mask]
     return [mask.with_stem(f"{mask.stem}_{number}") for number in range(1, count + 1)]
-
-
-def mask_pixels(mask: ShadowMask) -> NDArray[np.uint8]:
-    """`(h, w) uint8`: 255 lit, 0 in shadow, the mean over the samples of a pixel."""
-    height, width = mask.in_shadow.shape[:2]
-    dark = mask.in_shadow.reshape(height, width, -1).mean(axis=2)
-    pixels: NDArray[np.uint8] = np.round(255 * (1 - dark)).astype(np.uint8)
-    return pixels
 
 
 def arrays(scene: Scene, lights: Sequence[Light], image: Image) -> dict[str, NDArray[Any]]:
