@@ -1,5 +1,5 @@
 # make demo    a picture with exact shadows, from nothing      make test    all tests
-# make check   formatting, lint, types and tests               make clean   remove what the others made
+# make check   all that, formatting, lint, types, Embree       make clean   remove what the others made
 PYTHON ?= python3
 # The view and the sun of models.pavilion_camera() and pavilion_light().
 PAVILION = --eye 7,7.4,25 --target 0.2,0.6,0.6 --fov 36 --sun 238,32 --samples-per-pixel 4
@@ -19,6 +19,7 @@ check: .venv/.installed-dev
 	.venv/bin/ruff check
 	.venv/bin/mypy
 	.venv/bin/pytest -q
+	.venv/bin/umbrae bench check
 
 clean:
 	rm -rf .venv out dist build tests/failures .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,7 +1,7 @@
 """The command line: arguments in, the library called, results out.
 
 Results (paths, tables, one JSON object with `--json`) go to stdout; stages, progress, notes, errors to
-stderr. Exit status: 0 done; 1 `verify` found a wrong sample; 2 bad input or too little memory; 70 a bug in
+stderr. Exit status: 0 done; 1 `verify` or `bench` found a wrong sample; 2 bad input or too little memory; 70 a bug in
 Umbrae; 130 interrupted; 143 terminated.
 """
 
@@ -23,6 +23,7 @@ from rich.table import Table
 import umbrae as um
 from umbrae import arguments, files, info, models, outputs
 from umbrae.arguments import Size, Sun, Vector
+from umbrae.bench import commands as bench
 from umbrae.clock import Clock
 from umbrae.console import ConsoleClock, note, one_line
 from umbrae.errors import RecentredWarning, UmbraeError
@@ -38,6 +39,7 @@ app = typer.Typer(
 )
 scenes = typer.Typer(rich_markup_mode=None)
 app.add_typer(scenes, name="scene", help="Write one of the scenes that Umbrae makes itself.")
+app.add_typer(bench.app, name="bench", help="Measure Umbrae beside Embree.")
 
 Model = Annotated[Path, typer.Argument(help="glTF, GLB, OBJ, PLY or STL file.", metavar="MODEL")]
 Output = Annotated[Path, typer.Option("-o", "--output", help="File to write.", metavar="FILE")]

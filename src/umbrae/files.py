@@ -28,9 +28,11 @@ __all__ = [
     "check_readable",
     "check_writable",
     "load",
+    "load_text",
     "save",
     "save_arrays",
     "save_image",
+    "save_text",
     "scene_from_trimesh",
 ]
 
@@ -172,6 +174,36 @@ def save_arrays(path: AnyPath, **arrays: NDArray[Any]) -> None:
     check_writable(path, (".npz",))
     with _whole(path) as stream:
         np.savez(stream, allow_pickle=False, **arrays)
+
+
+def load_text(path: AnyPath) -> str:
+    """Read a text file in UTF-8.
+
+    Raises
+    ------
+    InputError
+        For a file that is missing, cannot be read, or is no text.
+    """
+    file = _path(path)
+    try:
+        return file.read_bytes().decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{file}: is not a text in UTF-8") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or _line(error)}") from error
+
+
+def save_text(path: AnyPath, text: str) -> None:
+    """Write a text in UTF-8, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        For a path that cannot be written.
+    """
+    check_writable(path)
+    with _whole(path) as stream:
+        stream.write(text.encode())
 
 
 def check_readable(path: AnyPath) -> Callable[[bytes, Folder], Scene]:

@@ -1,0 +1,1 @@
+"""Benchmarks: cases times runners, measured side by side in one process."""

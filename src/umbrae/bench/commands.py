@@ -1,0 +1,151 @@
+"""`umbrae bench`: arguments in, benchmarks carried out, tables and JSON out."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from umbrae import arguments, files
+from umbrae.bench import table
+from umbrae.bench.bars import bars
+from umbrae.bench.benchmark import Benchmark
+from umbrae.bench.case import LIGHTS
+from umbrae.bench.embree import EmbreexRunner, MitsubaRunner
+from umbrae.bench.flythrough import FlyThrough
+from umbrae.bench.record import Record
+from umbrae.bench.runner import exact_methods
+from umbrae.bench.scenes import FULL, QUICK, SCENES, default_folder
+from umbrae.camera import MAX_SIDE_PX
+from umbrae.clock import Clock
+from umbrae.console import ConsoleClock, note
+from umbrae.errors import OptionError
+from umbrae.methods import METHODS
+from umbrae.warmup import compile_kernels
+
+app = typer.Typer(rich_markup_mode=None)
+"""The commands below `umbrae bench`."""
+
+CHECK_SCENE, CHECK_SIZE, CHECK_RUNS, CHECK_SAMPLES = "spheres-96k", (1920, 1080), 5, 5_000
+"""What `umbrae bench check` measures."""
+
+
+@app.command()
+def rays(
+    full: Annotated[
+        bool, typer.Option("--full/--quick", help="All scenes and both sizes, or about a minute of two small scenes.")
+    ] = False,
+    scene: Annotated[list[str], typer.Option(metavar="NAME", help=f"One of {', '.join(SCENES)}; repeatable.")] = [],  # noqa: B006
+    resolution: Annotated[
+        str | None, typer.Option(metavar="WxH,WxH", help="Pixels; 1920x1080, and 3840x2160 in full.")
+    ] = None,
+    light: Annotated[str, typer.Option(metavar="point|directional|both", help="Kind of light.")] = "both",
+    runs: Annotated[int | None, typer.Option(min=1, metavar="N", help="Timed runs; 5, or 11 in full.")] = None,
+    check: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Samples held against the oracle; 20000, or 100000 in full.")
+    ] = None,
+    path: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Key frames (CSV) to fly along, one frame a run.")
+    ] = None,
+    folder: Annotated[
+        Path | None,
+        typer.Option("--models", envvar="UMBRAE_MODELS", metavar="DIR", help="Where the models of the scenes lie."),
+    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file to write.")] = None,
+    resume: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Go on with an interrupted run, given the same options.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No stages, no progress.")] = False,
+) -> None:
+    """The shadow stage of each exact method beside Embree's shadow rays; exit status 1 if a guarantee is broken."""
+    if output is not None and resume is not None:
+        raise OptionError("--resume goes on writing its own file: leave --output out")
+    if folder is not None and not folder.is_dir():
+        raise OptionError(f"--models: {folder} is not a folder")
+    benchmark = Benchmark(
+        scenes=_scenes(scene, full),
+        lights=_lights(light),
+        sizes=_sizes(resolution or ("1920x1080,3840x2160" if full else "1920x1080")),
+        runs=runs or (11 if full else 5),
+        checked=check or (100_000 if full else 20_000),
+        runners=[*exact_methods(), MitsubaRunner(), EmbreexRunner()],
+        models=folder or default_folder(),
+        path=FlyThrough.load(path) if path is not None else None,
+    )
+    if benchmark.path is not None and len(benchmark.scenes) != 1:
+        raise OptionError("--path belongs to one scene: choose it with --scene")
+    record = _carry_out(benchmark, output, resume, Clock() if as_json or quiet else ConsoleClock())
+    if as_json:
+        print(json.dumps(record.as_dict()))
+    else:
+        table.show(record, Console(highlight=False))
+    if record.broken:
+        raise typer.Exit(1)
+
+
+@app.command()
+def check() -> None:
+    """One line: the frustum method beside Embree on one small scene."""
+    embree = MitsubaRunner()
+    missing = embree.unavailable()
+    if missing is not None:
+        print(f"not compared with Embree: {missing}")
+        return
+    benchmark = Benchmark([CHECK_SCENE], ["point"], [CHECK_SIZE], CHECK_RUNS, CHECK_SAMPLES, [*exact_methods(), embree])
+    record = _carry_out(benchmark, None, None, Clock())
+    for one in bars(record):
+        if one.cold is not None and one.warm is not None:
+            print(f"{one.runner.name} beside Embree on {one.case}: {one.cold:.2f} x cold, {one.warm:.2f} x warm")
+    for text in table.broken(record):
+        print(text)
+    if record.broken:
+        raise typer.Exit(1)
+
+
+def _carry_out(benchmark: Benchmark, output: Path | None, resume: Path | None, clock: Clock) -> Record:
+    record = benchmark.record()
+    file = resume or output
+    if file is not None:
+        files.check_writable(file, (".json",))
+    if resume is not None:
+        earlier = Record.load(resume)
+        record.check_same(resume, earlier)
+        record = earlier
+
+    def keep(latest: Record) -> None:
+        nonlocal record
+        record = latest
+        if file is not None:
+            latest.save(file)
+
+    methods = [METHODS[runner.name]() for runner in benchmark.runners if runner.name in METHODS]
+    compile_kernels([*methods, METHODS["oracle"]()], 1, clock)
+    try:
+        return benchmark.run(record, keep, clock)
+    except KeyboardInterrupt:
+        if file is not None and record.cases:
+            note(f"{len(record.cases)} finished cases are kept: go on with --resume {file}")
+        raise
+
+
+def _scenes(names: list[str], full: bool) -> list[str]:
+    for name in names:
+        if name not in SCENES:
+            raise OptionError(f"unknown scene {name!r} (known: {', '.join(SCENES)})")
+    return list(dict.fromkeys(names)) or list(FULL if full else QUICK)
+
+
+def _lights(kind: str) -> list[str]:
+    if kind not in (*LIGHTS, "both"):
+        raise OptionError(f"--light: wanted point, directional or both, got {kind!r}")
+    return list(LIGHTS) if kind == "both" else [kind]
+
+
+def _sizes(texts: str) -> list[tuple[int, int]]:
+    sizes = [arguments.size(text) for text in texts.split(",")]
+    for size in sizes:
+        if max(size) > MAX_SIDE_PX:
+            raise OptionError(f"--resolution: wanted 1 to {MAX_SIDE_PX} pixels a side, got {size.width}x{size.height}")
+    return [(size.width, size.height) for size in dict.fromkeys(sizes)]

@@ -1,0 +1,67 @@
+"""What a measurement was made on, without the names of people, hosts or folders."""
+
+import os
+import platform
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from umbrae.parallel import thread_count
+
+PACKAGES = ("umbrae", "numpy", "numba", "llvmlite", "mitsuba", "drjit", "embreex")
+
+
+def describe() -> dict[str, Any]:
+    """Processor, memory, system, versions and commit; `dirty` says whether the sources differ from the commit."""
+    return {
+        "cpu": _cpu(),
+        "cores": os.cpu_count(),
+        "threads": thread_count(),
+        "memory_bytes": _memory_bytes(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "versions": {name: _version(name) for name in PACKAGES},
+        **_commit(),
+    }
+
+
+def _cpu() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _memory_bytes() -> int | None:
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return None
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _commit() -> dict[str, Any]:
+    checkout = Path(__file__).parents[3]
+    unknown = {"commit": None, "dirty": None}
+    if not (checkout / ".git").exists():
+        return unknown  # an installed package, perhaps inside somebody else's checkout
+    try:
+        commit = _git(checkout, "rev-parse", "HEAD")
+        return {"commit": commit, "dirty": bool(_git(checkout, "status", "--porcelain", "--", "src"))}
+    except (OSError, subprocess.SubprocessError):
+        return unknown
+
+
+def _git(checkout: Path, *words: str) -> str:
+    done = subprocess.run(["git", "-C", str(checkout), *words], capture_output=True, text=True, check=True, timeout=10)
+    return done.stdout.strip()
