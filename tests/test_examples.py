@@ -13,6 +13,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SAYS = {
     "hello_shadow": r"pavilion\.png: \d+% of what is seen lies in shadow, guarantee: exact\n",
     "sensors": r"(#{8}\n){4}(\.{8}\n){8}on the wall: 33% in shadow\nin front of it: 17% in shadow\n",
+    "sun_hours": r"(2026-\d\d-2\d: +\d+\.\d h of day, north \d\.\d h, south \d\.\d h\n){3}",
     "two_lights": r"no sun:  +\d+\.\d%\nno lamp: +\d+\.\d%\nneither: +\d+\.\d%\n",
 }
 

@@ -15,9 +15,10 @@ LAYERS = [
     {"__main__"},
     {"cli"},
     {"bench"},
+    {"options"},
     {"arguments", "outputs", "info", "warmup"},
     {"console"},
-    {"render", "models"},
+    {"render", "models", "sun"},
     {"methods", "shade", "verify"},
     {"sampling"},
     {"files"},
@@ -28,7 +29,7 @@ LAYERS = [
     {"errors"},
 ]
 LEVEL = {room: level for level, rooms in enumerate(LAYERS) for room in rooms}
-NOUNS = LAYERS[10]
+NOUNS = LAYERS[11]
 STRANGERS = {
     "methods": {"sampling", "shade"},
     "shade": {"sampling", "methods"},
@@ -81,7 +82,7 @@ def test_imports_point_down(path):
 
 def test_importing_the_package_brings_no_optional_part():
     # Not embreex: trimesh imports it by itself where it is installed.
-    optional = ("OpenGL", "moderngl", "mitsuba", "typer", "rich")
+    optional = ("OpenGL", "moderngl", "mitsuba", "pvlib", "pandas", "cmap", "typer", "rich")
     code = f"import sys, umbrae; print([name for name in {optional} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

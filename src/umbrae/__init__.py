@@ -21,6 +21,7 @@ from umbrae.render import render
 from umbrae.samples import ViewSamples
 from umbrae.sampling import sample
 from umbrae.scene import Scene
+from umbrae.sun import SunStudy, sun_hours
 from umbrae.verify import Verdict, verify
 
 __version__ = "0.1.0"
@@ -43,6 +44,7 @@ __all__ = [
     "RecentredWarning",
     "Scene",
     "ShadowMask",
+    "SunStudy",
     "UmbraeError",
     "Verdict",
     "ViewSamples",
@@ -51,5 +53,6 @@ __all__ = [
     "sample",
     "save",
     "shadow",
+    "sun_hours",
     "verify",
 ]

@@ -1,6 +1,9 @@
 """What the command line's texts mean: vectors, sizes and suns, and the cameras and lights made of them."""
 
+import datetime as dt
+import enum
 import math
+import re
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeVar
 
@@ -37,6 +40,14 @@ class Sun(NamedTuple):
     elevation: float
 
 
+class Side(enum.StrEnum):
+    """Of a face: the one with more sun, the one its corners turn counter-clockwise to, or the other."""
+
+    SUNNIER = "sunnier"
+    FRONT = "front"
+    BACK = "back"
+
+
 def vector(text: str) -> Vector:
     """Three finite numbers `x,y,z`."""
     return Vector(*_numbers(text, ",", "three numbers x,y,z", 3, float))
@@ -62,6 +73,14 @@ def up_vector(text: str) -> Vector:
     if not any(up):
         raise typer.BadParameter(f"wanted a vector that is not zero, got {text!r}")
     return up
+
+
+def duration(text: str) -> dt.timedelta:
+    """A number with the unit `s`, `min` or `h`."""
+    found = re.fullmatch(r"(\d{1,6}(?:\.\d{1,6})?) ?(s|min|h)", text)
+    if not found or not float(found[1]):
+        raise typer.BadParameter(f"wanted a time > 0 such as 10min, 30s or 1h, got {text!r}")
+    return dt.timedelta(seconds=float(found[1]) * {"s": 1, "min": 60, "h": 3600}[found[2]])
 
 
 def camera(scene: Scene, size: Size, eye: Vector | None, target: Vector | None, up: Vector, fov: float) -> Camera:

@@ -6,6 +6,7 @@ Umbrae; 130 interrupted; 143 terminated.
 """
 
 import dataclasses
+import datetime as dt
 import errno
 import json
 import os
@@ -22,12 +23,31 @@ from rich.table import Table
 
 import umbrae as um
 from umbrae import arguments, files, info, models, outputs
-from umbrae.arguments import Size, Sun, Vector
+from umbrae import sun as sunlight
+from umbrae.arguments import Side, Size
 from umbrae.bench import commands as bench
 from umbrae.clock import Clock
 from umbrae.console import ConsoleClock, note, one_line
-from umbrae.errors import RecentredWarning, UmbraeError
+from umbrae.errors import OptionError, RecentredWarning, UmbraeError
 from umbrae.methods import make_method
+from umbrae.options import (
+    DEFAULT_GRID,
+    DEFAULT_SIZE,
+    DEFAULT_STEP,
+    DEFAULT_UP,
+    Eye,
+    Fov,
+    Json,
+    MethodName,
+    Model,
+    Output,
+    Points,
+    Quiet,
+    SizeOption,
+    Suns,
+    Target,
+    Up,
+)
 from umbrae.shade import mask_image
 from umbrae.warmup import compile_kernels
 
@@ -40,40 +60,6 @@ app = typer.Typer(
 scenes = typer.Typer(rich_markup_mode=None)
 app.add_typer(scenes, name="scene", help="Write one of the scenes that Umbrae makes itself.")
 app.add_typer(bench.app, name="bench", help="Measure Umbrae beside Embree.")
-
-Model = Annotated[Path, typer.Argument(help="glTF, GLB, OBJ, PLY or STL file.", metavar="MODEL")]
-Output = Annotated[Path, typer.Option("-o", "--output", help="File to write.", metavar="FILE")]
-SizeOption = Annotated[Size, typer.Option("--size", parser=arguments.size, metavar="WxH", help="Pixels.")]
-Eye = Annotated[
-    Vector | None,
-    typer.Option("--eye", parser=arguments.vector, metavar="X,Y,Z", help="Where the camera stands; automatic."),
-]
-Target = Annotated[
-    Vector | None,
-    typer.Option("--target", parser=arguments.vector, metavar="X,Y,Z", help="What it looks at; the centre."),
-]
-Up = Annotated[Vector, typer.Option("--up", parser=arguments.up_vector, metavar="y|z|X,Y,Z", help="World up.")]
-Fov = Annotated[float, typer.Option("--fov", metavar="DEGREES", help="Vertical field of view.")]
-Points = Annotated[
-    list[Vector],
-    typer.Option("--light", parser=arguments.vector, metavar="X,Y,Z", help="Point light; repeatable."),
-]
-Suns = Annotated[
-    list[Sun],
-    typer.Option(
-        "--sun",
-        parser=arguments.sun,
-        metavar="AZIMUTH,ELEVATION",
-        help="Sun in degrees: clockwise from north (-z, or +y when z is up), above the horizon; repeatable.",
-    ),
-]
-MethodName = Annotated[str, typer.Option("--method", metavar="NAME", help="See `umbrae methods`.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No stages, no progress.")]
-
-DEFAULT_SIZE: Any = "1920x1080"  # typer runs defaults through the parser
-DEFAULT_UP: Any = "y"
-DEFAULT_GRID: Any = "10x10"
 
 
 @app.callback(invoke_without_command=True)
@@ -231,6 +217,110 @@ def verify(
             )
     if not all(verdict.ok for verdict in verdicts):
         raise typer.Exit(1)
+
+
+@app.command()
+def sun(
+    model: Model,
+    lat: Annotated[float, typer.Option(metavar="DEGREES", help="Latitude, north of the equator.")],
+    lon: Annotated[float, typer.Option(metavar="DEGREES", help="Longitude, east of Greenwich.")],
+    date: Annotated[str, typer.Option(metavar="YYYY-MM-DD", help="The day, from midnight to midnight.")],
+    output: Annotated[
+        list[Path],
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="Picture, or .npz, .csv, .ply, .glb with sensors; repeatable; MODEL's name with _sun.png here.",
+        ),
+    ] = [],  # noqa: B006
+    step: Annotated[
+        dt.timedelta, typer.Option(parser=arguments.duration, metavar="TIME", help="Between two places of the sun.")
+    ] = DEFAULT_STEP,
+    timezone: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Such as Europe/Vienna; whole hours by the longitude.")
+    ] = None,
+    north: Annotated[
+        float, typer.Option(metavar="DEGREES", help="Where north is, clockwise from -z (+y when z is up).")
+    ] = 0.0,
+    up: Up = DEFAULT_UP,
+    grid: Annotated[
+        float | None, typer.Option(metavar="SPACING", help="Sensors on a grid over the faces; one in each face.")
+    ] = None,
+    side: Annotated[Side, typer.Option(help="Of the faces, where sensors are.")] = Side.SUNNIER,
+    size: SizeOption = DEFAULT_SIZE,
+    eye: Eye = None,
+    target: Target = None,
+    fov: Fov = 50.0,
+    samples_per_pixel: Annotated[int, typer.Option(metavar="N", help="For smooth edges: 1, 4, 9, ...")] = 4,
+    method: MethodName = "frustum",
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Count the hours of direct sun on MODEL over a day."""
+    clock = _clock(as_json or quiet)
+    algorithm = make_method(method)
+    paths = output or [Path(f"{model.stem}_sun.png")]
+    outputs.check_paths(model, [(path, (*files.IMAGES, *sunlight.STUDIES)) for path in paths])
+    pictures = [path for path in paths if path.suffix.lower() in files.IMAGES]
+    studies = [path for path in paths if path not in pictures]
+    if grid is not None and not studies:
+        raise OptionError(f"--grid is for sensors: wanted an output of {' '.join(sunlight.STUDIES)}")
+    zone = timezone or sunlight.longitude_zone(lon)
+    sky = sunlight.Sky.over(sunlight.day_times(date, step, zone), lat, lon, north=north, up=up)
+    view = Size(size.width, size.height - sunlight.legend_height(size.width))
+    if pictures and view.height < 1:
+        raise OptionError(
+            f"--size: wanted more than {size.height - view.height} pixels of height, which the legend takes"
+        )
+
+    scene = _load(model, clock, paths)
+    if not (as_json or quiet):
+        note(f"{date}, times in {zone}: the sun is above the horizon for {sky.possible_hours:.1f} hours")
+    compile_kernels([algorithm], 1, clock)
+    facts: dict[str, Any] = {}
+    if studies:
+        with clock.span("sensors"):
+            sensors = sunlight.surface_sensors(scene, grid, -1 if side is Side.BACK else 1)
+        if side is Side.SUNNIER:
+            both = sunlight.both_sides(sensors)
+            sensors, study = sunlight.sunnier(both, sunlight.sun_study(scene, both, sky, algorithm, clock))
+        else:
+            study = sunlight.sun_study(scene, sensors, sky, algorithm, clock)
+        facts = {"sensors": sensors.size, **sunlight.summary(scene, sensors, study)}
+        with clock.span("write"):
+            for path in studies:
+                sunlight.save_study(path, scene, sensors, study)
+    if pictures:
+        camera = arguments.camera(scene, view, eye, target, up, fov)
+        image = sunlight.sun_map(scene, camera, sky, samples_per_pixel, algorithm, clock)[0]
+        assert image.samples is not None
+        _note_if_nothing_is_seen(image.samples)
+        with clock.span("write"):
+            for path in pictures:
+                image.save(path)
+
+    if not sky.is_day.any():
+        note("the sun does not rise on that day: 0 hours everywhere")
+    if not as_json:
+        for path in paths:
+            print(path)
+        return
+    _print_json(
+        model=str(model),
+        triangles=len(scene.triangles),
+        date=str(sky.times[0].date()),
+        timezone=str(zone),
+        step_minutes=sky.step_hours * 60,
+        positions=len(sky.times),
+        above_horizon=int(sky.is_day.sum()),
+        possible_hours=sky.possible_hours,
+        method=algorithm.name,
+        guarantee=algorithm.guarantee,
+        **facts,
+        seconds=clock.seconds(),
+        outputs=[str(path) for path in paths],
+    )
 
 
 @app.command()

@@ -3,7 +3,7 @@
 import os
 import secrets
 import stat
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -17,7 +17,7 @@ from umbrae.clock import Clock
 from umbrae.errors import CapacityError, InputError, ModelError, OutputError
 from umbrae.formats.glb import write_glb
 from umbrae.formats.gltf import read_gltf
-from umbrae.formats.meshes import read_ply, read_stl, scene_from_trimesh, write_simple
+from umbrae.formats.meshes import read_ply, read_stl, scene_from_trimesh, write_ply, write_stl
 from umbrae.formats.obj import read_obj, write_obj
 from umbrae.formats.resources import Folder
 from umbrae.scene import Scene
@@ -25,6 +25,7 @@ from umbrae.scene import Scene
 __all__ = [
     "IMAGES",
     "MODELS",
+    "SCALAR_MODELS",
     "check_readable",
     "check_writable",
     "load",
@@ -32,11 +33,14 @@ __all__ = [
     "save",
     "save_arrays",
     "save_image",
+    "save_table",
     "save_text",
     "scene_from_trimesh",
 ]
 
 AnyPath = str | os.PathLike[str]
+_ROWS = 1 << 14
+"""Rows of a table that are turned into text at a time."""
 
 _READERS: dict[str, Callable[[bytes, Folder], Scene]] = {
     ".glb": read_gltf,
@@ -45,11 +49,14 @@ _READERS: dict[str, Callable[[bytes, Folder], Scene]] = {
     ".ply": read_ply,
     ".stl": read_stl,
 }
-_WRITERS: dict[str, Callable[[Scene], bytes]] = {
+_Scalars = Mapping[str, NDArray[np.float32]]
+_SCALAR_WRITERS: dict[str, Callable[[Scene, _Scalars], bytes]] = {
     ".glb": write_glb,
+    ".ply": write_ply,
+}
+_WRITERS: dict[str, Callable[[Scene], bytes]] = {
     ".obj": write_obj,
-    ".ply": lambda scene: write_simple(scene, "ply"),
-    ".stl": lambda scene: write_simple(scene, "stl"),
+    ".stl": write_stl,
 }
 _IMAGES = {
     ".png": "PNG",
@@ -61,8 +68,10 @@ _IMAGES = {
     ".bmp": "BMP",
 }
 
-MODELS = tuple(_WRITERS)
+MODELS = tuple(sorted([*_SCALAR_WRITERS, *_WRITERS]))
 """Extensions of models that `save` writes."""
+SCALAR_MODELS = tuple(_SCALAR_WRITERS)
+"""Extensions of models that keep numbers per vertex."""
 IMAGES = tuple(_IMAGES)
 """Extensions of pictures that `save_image` writes."""
 
@@ -119,20 +128,34 @@ def load(path: AnyPath, clock: Clock | None = None, outputs: Collection[AnyPath]
             raise ModelError(f"{file}: malformed ({type(error).__name__}: {_line(error)})") from error
 
 
-def save(scene: Scene, path: AnyPath) -> None:
+def save(scene: Scene, path: AnyPath, scalars: _Scalars | None = None) -> None:
     """Write a model, whole or not at all; the extension chooses among GLB, OBJ, PLY and STL.
 
     GLB keeps everything, triangles sorted by object and material, in world coordinates. OBJ, PLY and STL hold
-    positions and triangles only, in the scene's own coordinates.
+    positions and triangles only (PLY also the vertex colours), in the scene's own coordinates.
+
+    Parameters
+    ----------
+    scalars
+        `(v,)` float32 numbers per vertex by lower-case name, for GLB (`hours` as the attribute `_HOURS`) and PLY.
 
     Raises
     ------
+    InputError
+        For scalars of another shape or type.
     OutputError
-        For an unknown extension or a path that cannot be written.
+        For an unknown extension, one that keeps no scalars, or a path that cannot be written.
     """
     instance(scene, Scene, "save: scene")
-    check_writable(path, MODELS)
-    data = _WRITERS[Path(path).suffix.lower()](scene)
+    named = scalars or {}
+    check_writable(path, SCALAR_MODELS if named else MODELS)
+    for name, values in named.items():
+        instance(values, np.ndarray, f"save: {name}")
+        if values.shape != (len(scene.positions),) or values.dtype != np.float32:
+            wanted = f"({len(scene.positions)},) float32"
+            raise InputError(f"save: {name}: wanted {wanted}, got {values.shape} {values.dtype}")
+    kind = Path(path).suffix.lower()
+    data = _SCALAR_WRITERS[kind](scene, named) if kind in _SCALAR_WRITERS else _WRITERS[kind](scene)
     with _whole(path) as stream:
         stream.write(data)
 
@@ -174,6 +197,28 @@ def save_arrays(path: AnyPath, **arrays: NDArray[Any]) -> None:
     check_writable(path, (".npz",))
     with _whole(path) as stream:
         np.savez(stream, allow_pickle=False, **arrays)
+
+
+def save_table(path: AnyPath, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write columns `(n,)` as `.csv` with a line of names, whole or not at all.
+
+    float32 is written to 7 digits, float64 to 12.
+
+    Raises
+    ------
+    OutputError
+        For another extension or a path that cannot be written.
+    """
+    check_writable(path, (".csv",))
+    digits = {"f4": "%.7g", "f8": "%.12g"}
+    formats = [digits.get(values.dtype.str[1:], "%d") for values in columns.values()]
+    rows = len(next(iter(columns.values())))
+    with _whole(path) as stream:
+        stream.write((",".join(columns) + "\n").encode())
+        # Part by part: a matrix of everything would be a second copy.
+        for start in range(0, rows, _ROWS):
+            part = [values[start : start + _ROWS].astype(np.float64) for values in columns.values()]
+            np.savetxt(stream, np.column_stack(part), fmt=formats, delimiter=",")
 
 
 def load_text(path: AnyPath) -> str:

@@ -1,6 +1,6 @@
 """The files a rendering leaves behind, and the checks before the work starts."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +16,15 @@ from umbrae.scene import Scene
 
 def check(model: Path, pictures: Sequence[Path], npz: Path | None) -> None:
     """Raise `OutputError` unless every path can be written, and none is the model or given twice."""
+    check_paths(model, [*((path, files.IMAGES) for path in pictures), *([(npz, (".npz",))] if npz else [])])
+
+
+def check_paths(model: Path, wanted: Sequence[tuple[Path, Collection[str]]]) -> None:
+    """The same for paths, each with the extensions that it may have."""
     files.check_readable(model)
     taken = {model.resolve(): "the model"}
-    for path in [*pictures, *([npz] if npz else [])]:
-        files.check_writable(path, (".npz",) if path is npz else files.IMAGES)
+    for path, extensions in wanted:
+        files.check_writable(path, extensions)
         if path.resolve() in taken:
             raise OutputError(f"{path}: would overwrite {taken[path.resolve()]}")
         taken[path.resolve()] = "another output"

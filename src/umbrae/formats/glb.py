@@ -7,6 +7,7 @@ turning v round twice, and knows nothing of transmission: what is read back must
 import io
 import json
 import struct
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -20,8 +21,11 @@ from umbrae.scene import Scene
 _FLOAT, _UNSIGNED, _ARRAY, _INDEX = 5126, 5125, 34962, 34963
 
 
-def write_glb(scene: Scene) -> bytes:
-    """A node and mesh per object, a primitive per material; `scene.origin` as the nodes' translation."""
+def write_glb(scene: Scene, scalars: Mapping[str, NDArray[np.float32]]) -> bytes:
+    """A node and mesh per object, a primitive per material; `scene.origin` as the nodes' translation.
+
+    `scalars` holds more numbers per vertex; `hours` becomes the attribute `_HOURS`.
+    """
     blob = _Blob()
     tree: dict[str, Any] = {"asset": {"version": "2.0", "generator": "umbrae"}, "scene": 0}
     used, material_id = np.unique(scene.material_id, return_inverse=True)
@@ -35,7 +39,7 @@ def write_glb(scene: Scene) -> bytes:
     for index, (start, end) in enumerate(pairwise(edges)):
         rows = order[start:end]
         primitives = [
-            _primitive(scene, np.sort(rows[material_id[rows] == material]), int(material), blob)
+            _primitive(scene, scalars, np.sort(rows[material_id[rows] == material]), int(material), blob)
             for material in np.unique(material_id[rows])
         ]
         meshes.append({"primitives": primitives})
@@ -79,7 +83,9 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack("<I4s", len(data), kind) + data
 
 
-def _primitive(scene: Scene, rows: NDArray[np.intp], material: int, blob: _Blob) -> dict[str, Any]:
+def _primitive(
+    scene: Scene, scalars: Mapping[str, NDArray[np.float32]], rows: NDArray[np.intp], material: int, blob: _Blob
+) -> dict[str, Any]:
     used, corners = np.unique(scene.triangles[rows], return_inverse=True)
     points = scene.positions[used]
     bounds = {"min": points.min(axis=0).tolist(), "max": points.max(axis=0).tolist()}
@@ -88,6 +94,7 @@ def _primitive(scene: Scene, rows: NDArray[np.intp], material: int, blob: _Blob)
         ("NORMAL", "VEC3", scene.normals),
         ("TEXCOORD_0", "VEC2", scene.uv),
         ("COLOR_0", "VEC4", scene.colors),
+        *((f"_{name.upper()}", "SCALAR", values) for name, values in scalars.items()),
     ):
         if values is not None:
             attributes[name] = blob.rows(values[used], kind)

@@ -4,7 +4,7 @@ import io
 import logging
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from umbrae.errors import InputError, ModelError
 from umbrae.formats.part import Part, joined
-from umbrae.formats.resources import Folder, linear
+from umbrae.formats.resources import Folder, encoded, linear
 from umbrae.material import AlphaMode, Material
 from umbrae.scene import Scene
 
@@ -78,12 +78,24 @@ def scene_from_trimesh(mesh: Any) -> Scene:
         raise ModelError(f"Scene.from_trimesh: the mesh {error}") from error
 
 
-def write_simple(scene: Scene, kind: str) -> bytes:
-    """Positions and triangles as binary PLY or STL."""
+def write_ply(scene: Scene, scalars: Mapping[str, NDArray[np.float32]]) -> bytes:
+    """Positions, triangles and vertex colours (as 8-bit sRGB), and a property for each of `scalars` per vertex."""
+    mesh = trimesh.Trimesh(scene.positions, scene.triangles, process=False)
+    if scene.colors is not None:
+        coded = np.column_stack([encoded(scene.colors[:, :3]), scene.colors[:, 3]])
+        mesh.visual.vertex_colors = np.round(coded * 255).astype(np.uint8)
+    mesh.vertex_attributes |= scalars
+    with _quiet():
+        data: bytes = mesh.export(file_type="ply")
+    return data
+
+
+def write_stl(scene: Scene) -> bytes:
+    """Positions and triangles as binary STL."""
     mesh = trimesh.Trimesh(scene.positions, scene.triangles, process=False)
     with _quiet():
-        data = mesh.export(file_type=kind)
-    return data if isinstance(data, bytes) else data.encode()
+        data: bytes = mesh.export(file_type="stl")
+    return data
 
 
 def _parse(data: bytes, kind: str) -> trimesh.Scene:

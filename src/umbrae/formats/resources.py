@@ -63,6 +63,12 @@ def unquote(uri: str) -> str:
     return urllib.parse.unquote(uri)
 
 
+def encoded(linear: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Linear values in [0, 1] as sRGB-encoded ones, the inverse of `linear`."""
+    values = np.asarray(linear, np.float64)
+    return np.where(values <= 0.0031308, 12.92 * values, 1.055 * np.maximum(values, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
 def decode_texture(data: bytes, name: str) -> NDArray[np.uint8]:
     """Picture bytes as `(h, w, 4) uint8`, row 0 at the top."""
     try:

@@ -1,0 +1,44 @@
+"""Arguments and options that several commands share."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from umbrae import arguments
+from umbrae.arguments import Size, Sun, Vector
+
+Model = Annotated[Path, typer.Argument(help="glTF, GLB, OBJ, PLY or STL file.", metavar="MODEL")]
+Output = Annotated[Path, typer.Option("-o", "--output", help="File to write.", metavar="FILE")]
+SizeOption = Annotated[Size, typer.Option("--size", parser=arguments.size, metavar="WxH", help="Pixels.")]
+Eye = Annotated[
+    Vector | None,
+    typer.Option("--eye", parser=arguments.vector, metavar="X,Y,Z", help="Where the camera stands; automatic."),
+]
+Target = Annotated[
+    Vector | None,
+    typer.Option("--target", parser=arguments.vector, metavar="X,Y,Z", help="What it looks at; the centre."),
+]
+Up = Annotated[Vector, typer.Option("--up", parser=arguments.up_vector, metavar="y|z|X,Y,Z", help="World up.")]
+Fov = Annotated[float, typer.Option("--fov", metavar="DEGREES", help="Vertical field of view.")]
+Points = Annotated[
+    list[Vector],
+    typer.Option("--light", parser=arguments.vector, metavar="X,Y,Z", help="Point light; repeatable."),
+]
+Suns = Annotated[
+    list[Sun],
+    typer.Option(
+        "--sun",
+        parser=arguments.sun,
+        metavar="AZIMUTH,ELEVATION",
+        help="Sun in degrees: clockwise from north (-z, or +y when z is up), above the horizon; repeatable.",
+    ),
+]
+MethodName = Annotated[str, typer.Option("--method", metavar="NAME", help="See `umbrae methods`.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No stages, no progress.")]
+
+DEFAULT_SIZE: Any = "1920x1080"  # typer runs defaults through the parser
+DEFAULT_UP: Any = "y"
+DEFAULT_GRID: Any = "10x10"
+DEFAULT_STEP: Any = "10min"
