@@ -27,6 +27,8 @@ _BYTES_PER_SAMPLE = 120
 _CREASE = math.cos(math.radians(25.0))
 _LINE, _SOFT = 0.45, 0.86
 """What is left of a colour on an outline or a crease, and on a face seen at a glancing angle."""
+_DARK, _GLOW = np.float32(0.3), np.float32(0.5)
+"""Colours below that brightness have lighter lines, the darkest by so much."""
 
 
 def sun_map(
@@ -92,8 +94,11 @@ def _draw(scene: Scene, camera: Camera, samples: ViewSamples, study: SunStudy) -
     towards = camera.eye.astype(np.float32) - samples.position
     facing = np.einsum("hwi,hwi->hw", normal, towards) / np.maximum(np.linalg.norm(towards, axis=2), 1e-30)
     tone = _SOFT + (1 - _SOFT) * np.clip(facing, 0, 1)
-    tone[_lines(camera, samples, normal)] *= _LINE
     picture[seen] = colors(study.hours[seen], study.sky.possible_hours) * tone[seen][:, None]
+    line = _lines(camera, samples, normal)
+    bright = picture[line].mean(axis=1, keepdims=True)
+    # Lines darken what is bright; where the sun never comes they would be lost, and are lighter instead.
+    picture[line] = picture[line] * _LINE + _GLOW * np.maximum(0, 1 - bright / _DARK)
     return picture
 
 

@@ -103,7 +103,7 @@ def _require(grid: Grid, area: NDArray[np.float64], spacing: float) -> None:
 
 
 def _grid(scene: Scene, face: NDArray[np.intp], normal: NDArray[np.float64], spacing: float) -> Grid:
-    """Grid axes from the normal alone: the same for all triangles of a plane, level where the plane is not."""
+    """Grid axes from the normal alone: the same for all triangles of a plane."""
     normal = np.round(normal * _NORMAL_STEPS)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     # The coordinate axis farthest from the normal spans the plane with it; ties go to the first.
