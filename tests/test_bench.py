@@ -129,21 +129,21 @@ def test_a_case_has_cold_and_warm_times_stages_and_a_verdict():
 def test_every_run_has_new_arrays_another_camera_and_another_light():
     runner = Right()
     carry_out(make(runner, runs=3))
-    # A warm-up, three runs, one for the memory.
-    assert len(runner.scenes) == 5
+    # Two warm-ups, three runs, one for the memory.
+    assert len(runner.scenes) == 6
     first = runner.scenes[0]
     for other in runner.scenes[1:]:
         assert not np.shares_memory(first.positions, other.positions)
         assert (first.positions == other.positions).all()
     # Warm and cold of a run share the light, which is new to the geometry that the warm one still has.
-    assert len(set(runner.lights)) == 4 and len(set(runner.cameras)) == 4
+    assert len(set(runner.lights)) == 5 and len(set(runner.cameras)) == 5
 
 
 def test_views_move_by_a_thousandth_of_the_extent():
     scene = roof()
     assert extent(scene) == 7.0
     seen = views(Case("tiny", "point", 32, 18), scene, 2)
-    assert len(seen) == 3
+    assert len(seen) == 4
     for one, next_one in pairwise(seen):
         assert np.linalg.norm(next_one.camera.eye - one.camera.eye) == pytest.approx(7 * STEP)
         step = next_one.light.position - one.light.position

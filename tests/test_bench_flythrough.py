@@ -65,11 +65,11 @@ def test_runs_are_the_frames_of_the_flight(tmp_path, monkeypatch):
     monkeypatch.setitem(SCENES, "tiny", BenchScene(lambda: scene))
     path = flight(tmp_path, HEADER, *ROWS)
     seen = views(Case("tiny", "point", 32, 18), scene, 4, path)
-    # The warm-up stands where the flight starts.
+    # The warm-ups stand where the flight starts.
     assert [view.camera.eye.tolist() for view in seen] == [
-        pytest.approx(key) for key in path.keys[[0, 0, 1, 2, 3], :3].tolist()
+        pytest.approx(key) for key in path.keys[[0, 0, 0, 1, 2, 3], :3].tolist()
     ]
-    assert len({tuple(view.light.position) for view in seen}) == 5
+    assert len({tuple(view.light.position) for view in seen}) == 6
 
 
 @pytest.mark.parametrize(

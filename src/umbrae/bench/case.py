@@ -12,6 +12,8 @@ from umbrae.light import Light
 from umbrae.scene import Scene
 
 LIGHTS = ("point", "directional")
+WARM_UPS = 2
+"""Runs before those that count: the first cold, the second cold and warm."""
 STEP = 1e-3
 """How far camera and light move from run to run, as a share of the scene's extent."""
 
@@ -43,7 +45,7 @@ def cases(scenes: Sequence[str], lights: Sequence[str], sizes: Sequence[tuple[in
 
 
 def views(case: Case, scene: Scene, runs: int, path: FlyThrough | None = None) -> list[View]:
-    """The views of a case: the first is for the warm-up, one for each run follows.
+    """The views of a case: `WARM_UPS`, then one for each run.
 
     Nothing that a caster remembers of one run fits the next: the light moves by `STEP`, and so does the camera,
     sideways, unless it flies along a path.
@@ -52,11 +54,12 @@ def views(case: Case, scene: Scene, runs: int, path: FlyThrough | None = None) -
     camera = setup.camera(scene, case.width, case.height)
     light = setup.light(scene, case.light == "directional")
     made = []
-    for run in range(runs + 1):
+    for run in range(WARM_UPS + runs):
         if path is None:
             seen = replace(camera, eye=camera.eye + run * STEP * size * camera.axes[0])
         else:
-            seen = path.camera(max(0, run - 1) / max(1, runs - 1), case.width, case.height, near=1e-4 * size)
+            frame = max(0, run - WARM_UPS)
+            seen = path.camera(frame / max(1, runs - 1), case.width, case.height, near=1e-4 * size)
         made.append(View(seen, _moved(light, run * STEP, size)))
     return made
 

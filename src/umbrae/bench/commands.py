@@ -22,6 +22,7 @@ from umbrae.clock import Clock
 from umbrae.console import ConsoleClock, note
 from umbrae.errors import OptionError
 from umbrae.methods import METHODS
+from umbrae.options import Json, Quiet
 from umbrae.warmup import compile_kernels
 
 app = typer.Typer(rich_markup_mode=None)
@@ -56,10 +57,10 @@ def rays(
     resume: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Go on with an interrupted run, given the same options.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No stages, no progress.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
-    """The shadow stage of each exact method beside Embree's shadow rays; exit status 1 if a guarantee is broken."""
+    """Measure exact shadows beside rays by Embree; exit status 1 if a guarantee is broken."""
     if output is not None and resume is not None:
         raise OptionError("--resume goes on writing its own file: leave --output out")
     if folder is not None and not folder.is_dir():
@@ -87,7 +88,7 @@ def rays(
 
 @app.command()
 def check() -> None:
-    """One line: the frustum method beside Embree on one small scene."""
+    """Compare with Embree on one small scene, in one line."""
     embree = MitsubaRunner()
     missing = embree.unavailable()
     if missing is not None:
@@ -126,7 +127,7 @@ def _carry_out(benchmark: Benchmark, output: Path | None, resume: Path | None, c
         return benchmark.run(record, keep, clock)
     except KeyboardInterrupt:
         if file is not None and record.cases:
-            note(f"{len(record.cases)} finished cases are kept: go on with --resume {file}")
+            note(f"finished cases are kept ({len(record.cases)}): go on with --resume {file}")
         raise
 
 

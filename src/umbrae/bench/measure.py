@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from umbrae.bench.case import Case, View
+from umbrae.bench.case import WARM_UPS, Case, View
 from umbrae.bench.peak import peak_bytes
 from umbrae.bench.record import CaseResult, RunnerResult, Times
 from umbrae.bench.runner import Runner
@@ -27,7 +27,7 @@ Result = TypeVar("Result")
 def measure(
     case: Case, scene: Scene, views: Sequence[View], runners: Sequence[Runner[Any]], count: int, clock: Clock
 ) -> CaseResult:
-    """Run a case: a warm-up with the first view, a timed run with each other one, a check of the last masks.
+    """Run a case: warm-ups with the first views, a timed run with each other one, a check of the last masks.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def measure(
         # Nobody always comes after the same one, and finds the caches as that one leaves them.
         first = number % max(1, len(tracks))
         for track in (*tracks[first:], *tracks[:first]):
-            track.attempt(_Track.run, scene, samples, view.light, number > 0)
+            track.attempt(_Track.run, scene, samples, view.light, number >= WARM_UPS)
         clock.advance(number, len(views))
     for track in tracks:
         track.attempt(_Track.check, scene, samples, views[-1].light, count)
@@ -60,6 +60,7 @@ class _Track:
 
     runner: Runner[Any]
     stopped: str | None
+    prepared: bool = False
     build: list[float] = field(default_factory=list)
     trace: list[float] = field(default_factory=list)
     warm: list[float] = field(default_factory=list)
@@ -82,19 +83,21 @@ class _Track:
         """Warm with the geometry of the run before, then cold with new arrays."""
         clock, runner = Clock(), self.runner
         masks = []
-        if timed:
+        warm = 0.0
+        if self.prepared:
             runner.set_samples(samples)
-            seconds, answer = _timed(lambda: runner.shadow(light, Clock()))
-            self.warm.append(seconds)
+            warm, answer = _timed(lambda: runner.shadow(light, Clock()))
             masks.append(runner.mask(answer))
         runner.set_geometry(_copy(scene))
         runner.set_samples(samples)
         build, _ = _timed(lambda: runner.prepare(clock))
         trace, answer = _timed(lambda: runner.shadow(light, clock))
         masks.append(runner.mask(answer))
+        self.prepared = True
         if timed:
             self.build.append(build)
             self.trace.append(trace)
+            self.warm.append(warm)
             self.stages.append(clock.seconds())
             self.masks = masks
 
