@@ -1,6 +1,7 @@
 """The benchmark harness on scenes of a few triangles, with runners that behave and runners that do not."""
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -215,7 +216,7 @@ def test_a_record_survives_the_file(tmp_path):
     document = json.loads((tmp_path / "a.json").read_text())
     assert list(document) == ["schema", "benchmark", "configuration", "machine", "date", "cases"]
     assert set(document["machine"]) == {
-        *("cpu", "cores", "threads", "memory_bytes", "system", "python", "versions", "commit", "dirty")
+        *("cpu", "cores", "threads", "memory_bytes", "system", "python", "versions", "commit", "sources", "dirty")
     }
     assert set(document["configuration"]) == {"scenes", "lights", "sizes", "runs", "checked", "runners", "path"}
     assert set(document["cases"][1]["runners"][0]["seconds"]["cold"]) == {"runs", "minimum", "median", "quartiles"}
@@ -260,6 +261,14 @@ def test_resuming_tries_again_what_could_not_be_loaded(tmp_path):
 def test_resuming_refuses_another_configuration(tmp_path, change, name):
     with pytest.raises(um.InputError, match=f"cannot be resumed: it was made with {name} "):
         make(Right()).record().check_same(tmp_path / "a.json", make(Right(), **change).record())
+
+
+def test_resuming_refuses_other_sources_but_not_another_commit(tmp_path):
+    record = make(Right()).record()
+    earlier = replace(record, machine={**record.machine, "commit": "other"})
+    record.check_same(tmp_path / "a.json", earlier)
+    with pytest.raises(um.InputError, match='made with sources "other"'):
+        record.check_same(tmp_path / "a.json", replace(record, machine={**record.machine, "sources": "other"}))
 
 
 @pytest.mark.parametrize(

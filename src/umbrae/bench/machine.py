@@ -13,7 +13,7 @@ PACKAGES = ("umbrae", "numpy", "numba", "llvmlite", "mitsuba", "drjit", "embreex
 
 
 def describe() -> dict[str, Any]:
-    """Processor, memory, system, versions and commit; `dirty` says whether the sources differ from the commit."""
+    """Processor, memory, system, versions, commit; `sources` is git's name for its `src`, `dirty` whether they differ."""
     return {
         "cpu": _cpu(),
         "cores": os.cpu_count(),
@@ -52,13 +52,14 @@ def _version(package: str) -> str | None:
 
 def _commit() -> dict[str, Any]:
     checkout = Path(__file__).parents[3]
-    unknown = {"commit": None, "dirty": None}
+    unknown = {"commit": None, "sources": None, "dirty": None}
     if not (checkout / ".git").exists():
         return unknown  # an installed package, perhaps inside somebody else's checkout
     try:
-        commit = _git(checkout, "rev-parse", "HEAD")
-        return {"commit": commit, "dirty": bool(_git(checkout, "status", "--porcelain", "--", "src"))}
-    except (OSError, subprocess.SubprocessError):
+        commit, sources = _git(checkout, "rev-parse", "HEAD", "HEAD:src").split()
+        dirty = bool(_git(checkout, "status", "--porcelain", "--", "src"))
+        return {"commit": commit, "sources": sources, "dirty": dirty}
+    except (OSError, ValueError, subprocess.SubprocessError):
         return unknown
 
 

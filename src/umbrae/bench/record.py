@@ -130,10 +130,11 @@ class Record:
             raise InputError(f"{path}: damaged: {type(error).__name__} {error}") from error
 
     def check_same(self, path: Path, earlier: "Record") -> None:
-        """Refuse to go on with an earlier record that was measured otherwise, or elsewhere."""
+        """Refuse to go on with an earlier record that was measured otherwise, elsewhere, or with other sources."""
         ours = {"benchmark": self.benchmark, **self.configuration, **self.machine}
         theirs = {"benchmark": earlier.benchmark, **earlier.configuration, **earlier.machine}
-        for name in {**ours, **theirs}:
+        # A commit that leaves the sources as they are changes nothing.
+        for name in (name for name in {**ours, **theirs} if name != "commit"):
             # Through JSON, where tuples are lists.
             mine, other = (json.dumps(side.get(name)) for side in (ours, theirs))
             if mine != other:
