@@ -13,7 +13,7 @@ PACKAGES = ("umbrae", "numpy", "numba", "llvmlite", "mitsuba", "drjit", "embreex
 
 
 def describe() -> dict[str, Any]:
-    """Processor, memory, system, versions, commit; `sources` is git's name for its `src`, `dirty` whether they differ."""
+    """Processor, memory, system, versions, commit; `sources` is git's name for its `src`, `dirty` if they differ."""
     return {
         "cpu": _cpu(),
         "cores": os.cpu_count(),
