@@ -1,5 +1,7 @@
 """The frustum method against the oracle where the small scenes do not reach: size, distance, threads, options."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from umbrae import METHODS, Camera, Light, Scene, ViewSamples, sample, shadow, v
 from umbrae.geometry.solids import find_solids
 from umbrae.methods.frustum_cpu import Frustum
 from umbrae.methods.light_frame import light_frames
+from umbrae.methods.triangle_clusters import cluster_triangles
 from umbrae.models import sphere, spheres, spheres_light
 
 LIGHTS = [
@@ -183,10 +186,50 @@ def test_solids_are_closed_and_outward_parts_only():
 
 def test_light_frames_cover_the_scene():
     bounds = np.array([[-1.0, -2.0, -3.0], [1.0, 2.0, 3.0]])
-    assert len(light_frames(np.array([1.0, 2.0, 3.0, 0.0]), bounds)) == 1
-    far = light_frames(np.array([100.0, 5.0, 7.0, 1.0]), bounds)
-    assert len(far) == 6
-    assert max(frame.hx for frame in far if frame.axis_c == 0 and frame.sign < 0) < 0.1
+    assert len(light_frames(np.array([1.0, 2.0, 3.0, 0.0]), bounds, 1e-7)) == 1
+    (far,) = light_frames(np.array([100.0, 5.0, 7.0, 1.0]), bounds, 1e-7)
+    assert (far.axis_c, far.sign) == (0, -1.0)
+    assert far.hx < 0.1
+    # From just outside a face the scene is seen under wider angles than one frame may have; from inside all around.
+    for near in ((1.1, 0.0, 0.0, 1.0), (0.5, 0.0, 0.0, 1.0)):
+        assert len(light_frames(np.array(near), bounds, 1e-7)) == 6
+
+
+@pytest.mark.parametrize("distance", [1.05, 1.3, 1.6, 2.0, 3.0])
+def test_point_lights_near_the_scene_see_it_in_one_frame_or_six(distance):
+    rng = np.random.default_rng(11)
+    scene = random_soup(rng, 400)
+    middle, reach = scene.bounds.mean(axis=0), np.abs(scene.bounds - scene.bounds.mean(axis=0)).max()
+    samples = random_samples(rng, scene, 900)
+    for direction in ((1, 0, 0), (0, -1, 0.2), (-0.3, 0.1, 1)):
+        light = Light.point(middle + distance * reach * np.array(direction))
+        assert verify(scene, light, samples, shadow(scene, light, samples)).mismatches == 0
+
+
+def test_order_of_triangles_only_changes_how_they_are_clustered():
+    scene, camera = small_spheres()
+    shuffle = np.random.default_rng(3).permutation(len(scene.triangles))
+    mixed = Scene(scene.positions, scene.triangles[shuffle])
+    light = spheres_light((3, 3))
+    plain, shuffled = (shadow(one, light, sample(one, camera)) for one in (scene, mixed))
+    np.testing.assert_array_equal(plain.in_shadow, shuffled.in_shadow)
+    # Put along a curve, they need little more work than in the order of the mesh; left alone, many times as much.
+    assert shuffled.stats["tile_frustum_tests"] < 2 * plain.stats["tile_frustum_tests"]
+    kept, moved = (cluster_triangles(one, None).order for one in (scene, mixed))
+    assert (kept == np.arange(len(kept))).all()
+    assert (np.sort(moved) == kept).all()
+
+
+def test_a_caster_may_be_asked_by_several_threads_and_again():
+    scene, camera = small_spheres()
+    samples = sample(scene, camera)
+    caster = Frustum().prepare(scene)
+    lights = [spheres_light((3, 3)), Light.directional((-1, -2, -0.7)), Light.directional((1, -2, 0.5))] * 3
+    wanted = [shadow(scene, light, samples).in_shadow for light in lights]
+    with ThreadPoolExecutor(3) as pool:
+        masks = list(pool.map(lambda light: caster.shadow(light, samples).in_shadow, lights))
+    for mask, truth in zip(masks, wanted, strict=True):
+        np.testing.assert_array_equal(mask, truth)
 
 
 def test_empty_scene_and_no_samples():

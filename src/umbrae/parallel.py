@@ -27,6 +27,11 @@ def inline(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compiled(function, inline="never")
 
 
+def expand(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function that is always copied into its caller, so that loops which call it become vector code."""
+    return _compiled(function, forceinline=True)
+
+
 def kernels_are_cached() -> bool:
     """Whether compiled kernels are kept on disk for later starts."""
     return not _without_cache
@@ -35,7 +40,7 @@ def kernels_are_cached() -> bool:
 _without_cache: list[str] = []
 
 
-def _compiled(function: Callable[..., Any], **options: str) -> Callable[..., Any]:
+def _compiled(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
     compiled: Callable[..., Any]
     try:
         compiled = njit(cache=True, nogil=True, error_model="numpy", **options)(function)

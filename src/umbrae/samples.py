@@ -1,6 +1,7 @@
 """The points that want a verdict."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from umbrae.camera import Camera
 from umbrae.checks import array, instance
 from umbrae.errors import InputError
+from umbrae.geometry.morton import morton3
 from umbrae.scene import Scene
 
 
@@ -155,6 +157,11 @@ class ViewSamples:
             raise InputError("samples are of another scene: they do not lie on this scene's triangles")
         if self.camera is None and not (np.abs(self.position) <= 1e18).all():
             raise InputError("ViewSamples.position: wanted finite coordinates up to 1e18")
+
+    @cached_property
+    def along_curve(self) -> NDArray[np.intp]:
+        """`(n,)` flat indices in an order in which neighbours in space follow each other."""
+        return np.argsort(morton3(self.position.reshape(-1, 3).astype(np.float64)), kind="stable")
 
     def rows(self, start: int, stop: int) -> "ViewSamples":
         """Rows `start` to `stop` of the first axis: a band of an image, a part of a list."""

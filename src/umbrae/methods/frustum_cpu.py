@@ -10,15 +10,16 @@ from umbrae.clock import Clock
 from umbrae.geometry.solids import Solids, find_solids
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
-from umbrae.methods import sample_tree
-from umbrae.methods.frustum_traversal import BATCH, COUNTERS, facing_chunk, merge, traverse_batch
-from umbrae.methods.light_frame import LightFrame, light_frames, surface_error
+from umbrae.methods.frustum_traversal import CLUSTERS, COUNTERS, merge, traverse_batch, write_out
+from umbrae.methods.light_frame import POSITION_ERROR, LightFrame, light_frames, surface_error
 from umbrae.methods.method import Caster, Method
-from umbrae.parallel import run
+from umbrae.methods.sample_tree import Leaves, SampleTree, build
+from umbrae.methods.triangle_clusters import cluster_triangles, light_sides
+from umbrae.parallel import run, thread_count
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
-_FACING_CHUNK = 16384
+_LEAVES_PER_TASK = 4096
 
 BLOCK = 1 << 23
 """Samples per hierarchy: a 3840 x 2160 picture is one block; larger ones go band by band to bound the memory."""
@@ -35,7 +36,8 @@ class Frustum(Method):
 
     Deviations from the paper: the hierarchy stands in the light's normalized device coordinates instead of the
     camera's (see `sample_tree`), where side planes are lines and a frustum's bounds in x and y do what the two
-    silhouette planes towards the eye do there; frusta descend in batches (see `frustum_traversal`); there is no bias,
+    silhouette planes towards the eye do there; frusta descend in clusters of 16 neighbours, and clusters in batches
+    (see `frustum_traversal`); there is no bias,
     as a sample knows its own triangle; samples without a camera are served as well.
 
     Options
@@ -57,15 +59,17 @@ class Frustum(Method):
     guarantee: ClassVar[Guarantee] = Guarantee.EXACT
 
     def prepare(self, scene: Scene, clock: Clock | None = None) -> "FrustumCaster":
-        return FrustumCaster(scene, self.front_face_culling)
+        return FrustumCaster(scene, self.front_face_culling, clock)
 
 
 class FrustumCaster(Caster):
-    """The raw arrays, and the solids if wanted; everything else depends on the light."""
+    """The triangles in clusters, and the solids if wanted; everything else depends on the light."""
 
-    def __init__(self, scene: Scene, front_face_culling: bool) -> None:
+    def __init__(self, scene: Scene, front_face_culling: bool, clock: Clock | None) -> None:
         self.scene = scene
         self.solids: Solids | None = None
+        self.clusters = cluster_triangles(scene, clock)
+        self._spare: list[Leaves] = []  # memory of former calls: touching fresh pages would cost more than the sorting
         if front_face_culling and len(scene.triangles):
             solid = np.array([material.casts_solid for material in scene.materials])
             self.solids = find_solids(scene.positions, scene.triangles, solid[scene.material_id])
@@ -78,13 +82,15 @@ class FrustumCaster(Caster):
         if len(self.scene.triangles) and samples.size:
             source = light.position.astype(np.float64)
             with clock.span("facing"):
-                facing, bounds = self._facing(source, clock)
+                facing, clustered = light_sides(self.scene, self.clusters, source, clock)
+                if self.solids is not None:
+                    self._cull(self.solids, source, clustered)
             width = samples.size // samples.shape[0]
             step = max(4, BLOCK // width // 4 * 4)
             for start in range(0, samples.shape[0], step):
-                block = samples.rows(start, start + step)
+                block = samples if step >= samples.shape[0] else samples.rows(start, start + step)
                 part = in_shadow[start * width : (start + step) * width]
-                stats += self._shadow_block(source, block, facing, bounds, part, clock)
+                stats += self._shadow_block(source, block, facing, clustered, part, clock)
         counters = dict(zip(COUNTERS, (int(n) for n in stats), strict=True))
         return ShadowMask(in_shadow.reshape(samples.shape), Guarantee.EXACT, stats=counters)
 
@@ -93,34 +99,27 @@ class FrustumCaster(Caster):
         source: NDArray[np.float64],
         samples: ViewSamples,
         facing: NDArray[np.int8],
-        bounds: NDArray[np.float64],
+        clustered: NDArray[np.int8],
         in_shadow: NDArray[np.bool_],
         clock: Clock,
     ) -> NDArray[np.int64]:
         with clock.span("hierarchy"):
-            frames = light_frames(source, _including(bounds, samples))
-            error = surface_error(bounds)
-            leaves, trees = sample_tree.build(samples, facing, source, frames, error, in_shadow, clock)
+            bounds = _including(self.clusters.bounds, samples)
+            largest = float(np.abs(bounds).max())
+            on_surface = samples.camera is not None or bool((samples.triangle >= 0).any())
+            error = POSITION_ERROR * largest + surface_error(bounds) if on_surface else 0.0
+            frames = light_frames(source, bounds, error)
+            limits = error, 2.0**-50 * largest
+            leaves, trees = build(samples, facing, source, frames, limits, in_shadow, self._spare, clock)
         with clock.span("traversal"):
-            stats = self._traverse(source, samples, facing, frames, leaves, trees, clock)
+            stats = self._traverse(source, samples, clustered, frames, leaves, trees, clock)
         with clock.span("merge"):
             for tree in trees:
                 if tree is not None:
-                    merge(tree.level, tree.slot, tree.full, leaves.own, leaves.sample, in_shadow)
+                    merge(tree.level, tree.full)
+                    _write_out(tree, leaves.ids, in_shadow, clock)
+        self._spare.append(leaves)
         return stats
-
-    def _facing(self, source: NDArray[np.float64], clock: Clock) -> tuple[NDArray[np.int8], NDArray[np.float64]]:
-        """Which side of each triangle the light is on, and the bounds `(2, 3)` of the scene."""
-        count = len(self.scene.triangles)
-        facing = np.empty(count, np.int8)
-        bounds = np.empty((-(-count // _FACING_CHUNK), 2, 3))
-
-        def task(chunk: int) -> None:
-            start, stop = chunk * _FACING_CHUNK, min((chunk + 1) * _FACING_CHUNK, count)
-            facing_chunk(self.scene.positions, self.scene.triangles, source, start, stop, facing, bounds[chunk])
-
-        run(task, len(bounds), clock)
-        return facing, np.stack([bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)])
 
     def _traverse(
         self,
@@ -128,14 +127,14 @@ class FrustumCaster(Caster):
         samples: ViewSamples,
         facing: NDArray[np.int8],
         frames: list[LightFrame],
-        leaves: sample_tree.Leaves,
-        trees: list[sample_tree.SampleTree | None],
+        leaves: Leaves,
+        trees: list[SampleTree | None],
         clock: Clock,
     ) -> NDArray[np.int64]:
-        count = len(self.scene.triangles)
-        batches = -(-count // BATCH)
+        count = len(self.clusters.corners)
+        step = min(CLUSTERS, -(-count // (8 * thread_count())))
+        batches = -(-count // step)
         active = [(frame, tree) for frame, tree in zip(frames, trees, strict=True) if tree is not None]
-        casts = self._casts(source, facing)
         raw: tuple[Any, ...] = (
             samples.barycentric.reshape(-1, 2),
             samples.side.reshape(-1),
@@ -144,12 +143,12 @@ class FrustumCaster(Caster):
 
         def task(number: int) -> NDArray[np.int64]:
             frame, tree = active[number // batches]
-            start = number % batches * BATCH
+            start = number % batches * step
             stats = np.zeros(len(COUNTERS), np.int64)
             traverse_batch(
-                self.scene.positions, self.scene.triangles, facing, casts, source, frame,
-                start, min(start + BATCH, count), tree.box, tree.level, tree.slot, tree.full,
-                leaves.x, leaves.y, leaves.q, leaves.own, leaves.sample, leaves.slack, leaves.box, *raw, stats,
+                self.scene.positions, self.scene.triangles, self.clusters.corners, self.clusters.order, facing,
+                source, frame, start, min(start + step, count), tree.box, tree.full, tree.level, tree.slot,
+                leaves.place, leaves.ids, leaves.box, *raw, stats,
             )  # fmt: skip
             return stats
 
@@ -158,15 +157,23 @@ class FrustumCaster(Caster):
         total: NDArray[np.int64] = np.sum(run(task, batches * len(active), clock), axis=0, dtype=np.int64)
         return total
 
-    def _casts(self, source: NDArray[np.float64], facing: NDArray[np.int8]) -> NDArray[np.bool_]:
-        """`(t,)` which triangles cast; empty when all do."""
-        if self.solids is None or len(self.solids.lower) == 0:
-            return np.zeros(0, bool)
-        holds_light = (source[:3] >= self.solids.lower) & (source[:3] <= self.solids.upper)
-        culled = ~holds_light.all(axis=1) | (source[3] == 0.0)
-        of = self.solids.of
-        casts: NDArray[np.bool_] = (of < 0) | ~culled[of] | (facing > 0)
-        return casts
+    def _cull(self, solids: Solids, source: NDArray[np.float64], clustered: NDArray[np.int8]) -> None:
+        """Let the triangles of solids that face away from the light cast nothing."""
+        holds_light = ((source[:3] >= solids.lower) & (source[:3] <= solids.upper)).all(axis=1)
+        culled = np.append(~holds_light | (source[3] == 0.0), False)[solids.of][self.clusters.order]
+        sides = clustered.reshape(-1)[: len(culled)]
+        sides[culled & (sides < 0)] = 0
+
+
+def _write_out(tree: SampleTree, ids: NDArray[np.int32], in_shadow: NDArray[np.bool_], clock: Clock) -> None:
+    """Write the verdicts of all leaves."""
+    count = len(tree.slot)
+
+    def task(number: int) -> None:
+        start, stop = number * _LEAVES_PER_TASK, min((number + 1) * _LEAVES_PER_TASK, count)
+        write_out(start, stop, tree.slot, tree.full, ids, in_shadow)
+
+    run(task, -(-count // _LEAVES_PER_TASK), clock)
 
 
 def _including(bounds: NDArray[np.float64], samples: ViewSamples) -> NDArray[np.float64]:

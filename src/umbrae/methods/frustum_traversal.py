@@ -1,10 +1,13 @@
-"""Frusta against the view-sample hierarchy (Sintorn et al. 2011, Algorithms 1 and 2), a batch of frusta at a time.
+"""Frusta against the view-sample hierarchy (Sintorn et al. 2011, Algorithms 1 and 2), a batch of clusters at a time.
 
-The paper sends each frustum down the tree by itself, one warp per frustum. Here a batch of neighbouring triangles
-goes together, depth first: every node hands its children the list of those frusta that neither reject nor accept
-them. The tests are the same; a node's box stays in registers while the list runs past it, and a node that is found
-full ends the whole list. Threads share the tree: they only ever store "in shadow", so no atomics are needed, and a
-node that one thread has filled is skipped by all (the paper's section 3.5, "maintaining an updated shadow buffer").
+The paper sends each frustum down the tree by itself, one warp per frustum. Here the frusta of 16 neighbouring triangles
+make a cluster, and a batch of clusters goes together, depth first. What is tested changes on the way: a cluster's
+common bounds against the 16 children of a node at once, then the bounds of its 16 frusta against one box at once, and
+their planes where a frustum is wider than the box. At a leaf, one frustum meets 16 samples at once. A node that is
+found full ends its whole list.
+
+Threads share the tree: they only ever store "in shadow", so no atomics are needed, and a node that one thread has
+filled is skipped by all (the paper's section 3.5, "maintaining an updated shadow buffer").
 
 Rejection of a box by a frustum's bounds in x and y is what the silhouette planes towards the eye are in the paper:
 it removes the false positives that four planes alone let through.
@@ -13,15 +16,43 @@ it removes the false positives that four planes alone let through.
 import numpy as np
 
 from umbrae.geometry.predicates import EXACT, SHADOWED, facing, shadows
-from umbrae.methods.frustum_setup import BOUND_PLANE, BOUND_Q, BOUND_SIDES, ROW, set_up_frustum
-from umbrae.methods.sample_clusters import DARK, LANES
-from umbrae.methods.sample_tree import ARITY, QMAX, QMIN, XMAX, XMIN, YMAX, YMIN
-from umbrae.parallel import inline, kernel
+from umbrae.methods.frustum_setup import (
+    BOUND_PLANE,
+    BOUND_Q,
+    BOUND_SIDES,
+    PLANES,
+    RECT_QMAX,
+    RECT_XMAX,
+    RECT_XMIN,
+    RECT_YMAX,
+    RECT_YMIN,
+    RECTS,
+    bound_frusta,
+    put_planes,
+)
+from umbrae.methods.lanes import ALL, LANES, choose, count, equal, largest, load, lowest, prefetch, smallest, splat
+from umbrae.methods.sample_clusters import (
+    DARK,
+    OWN,
+    QMAX,
+    QMIN,
+    SAMPLE,
+    SLACK_Q,
+    SLACK_X,
+    XMAX,
+    XMIN,
+    YMAX,
+    YMIN,
+    Q,
+    X,
+    Y,
+)
+from umbrae.parallel import expand, inline, kernel
 
-BATCH = 1024
-"""Triangles per task."""
+CLUSTERS = 256
+"""Clusters of 16 triangles per task, at most."""
 
-MAX_DEPTH = 16
+MAX_DEPTH = 12
 
 (TILE_TESTS, SAMPLE_TESTS, ACCEPTS, REJECTS, FALLBACKS, EXACT_TESTS) = range(6)
 COUNTERS = (
@@ -33,307 +64,303 @@ COUNTERS = (
     "predicate_fallbacks",
 )
 
-
-@kernel
-def facing_chunk(positions, triangles, light, start, stop, out, bounds):
-    """Exact side of each triangle's plane that the light is on, and the bounds `(2, 3)` of these triangles."""
-    bounds[0], bounds[1] = np.inf, -np.inf
-    for t in range(start, stop):
-        out[t] = facing(positions, triangles, t, light)
-        for corner in range(3):
-            for axis in range(3):
-                x = positions[triangles[t, corner], axis]
-                bounds[0, axis] = min(bounds[0, axis], x)
-                bounds[1, axis] = max(bounds[1, axis], x)
+# Columns of `outer`, after the bounds of a whole cluster: its widest and its highest frustum.
+WIDTH, HEIGHT = 5, 6
 
 
-@inline
-def _set_up(positions, triangles, facing_of, casts, light, frame, box, root, start, stop, ids, rects, rows):
-    """Set up the frusta of triangles `start` to `stop` whose bounds meet the root's box; returns how many."""
-    rect = np.empty(5, np.float32)
-    count = 0
-    for t in range(start, stop):
-        if facing_of[t] == 0 or (len(casts) > 0 and not casts[t]):
-            continue
-        i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        if set_up_frustum(positions, i, j, k, light, facing_of[t], frame, box, root, rect, rows[count]):
-            for part in range(5):
-                rects[part, count] = rect[part]
-            ids[count] = t
-            count += 1
-    return count
+@expand
+def _meeting(rects, cluster, xmin, xmax, ymin, ymax, qmin):
+    """Mask of the frusta whose bounds meet a box."""
+    return (
+        (load(rects, cluster, RECT_XMIN * LANES) <= xmax)
+        & (load(rects, cluster, RECT_XMAX * LANES) >= xmin)
+        & (load(rects, cluster, RECT_YMIN * LANES) <= ymax)
+        & (load(rects, cluster, RECT_YMAX * LANES) >= ymin)
+        & (load(rects, cluster, RECT_QMAX * LANES) >= qmin)
+    )
 
 
-@inline
-def _against_box(row, xmin, xmax, ymin, ymax, qmin, qmax):
-    """Reject (-1), accept (+1) or refine (0): a box's reject and accept corners against the four planes."""
-    half = np.float32(0.5)
-    cx, hx = half * (xmin + xmax), half * (xmax - xmin)
-    cy, hy = half * (ymin + ymax), half * (ymax - ymin)
+@expand
+def _against_box(rows, cluster, xmin, xmax, ymin, ymax, qmin, qmax):
+    """Masks of the frusta that reject a box and of those that hold it: its corners against the four planes."""
+    half, two, zero = np.float32(0.5), np.float32(2.0), splat(np.float32(0.0))
+    cx, hx = splat(half * (xmin + xmax)), splat(half * (xmax - xmin))
+    cy, hy = splat(half * (ymin + ymax)), splat(half * (ymax - ymin))
     # Twice the bound: centre and half-width of the box are themselves rounded.
-    limit = np.float32(2.0) * row[BOUND_SIDES]
-    inside = True
+    limit = load(rows, cluster, BOUND_SIDES * LANES) * two
+    reject, accept = np.int32(0), np.int32(ALL)
     for edge in range(3):
-        a, b, c = row[3 * edge], row[3 * edge + 1], row[3 * edge + 2]
-        middle = a * cx + b * cy + c
+        a, b = load(rows, cluster, 3 * edge * LANES), load(rows, cluster, (3 * edge + 1) * LANES)
+        middle = a * cx + b * cy + load(rows, cluster, (3 * edge + 2) * LANES)
         reach = abs(a) * hx + abs(b) * hy
-        if middle + reach < -limit:
-            return -1
-        if not middle - reach > limit:
-            inside = False
-    a, b, c, d = row[9], row[10], row[11], row[12]
-    cq, hq = half * (qmin + qmax), half * (qmax - qmin)
-    limit = np.float32(2.0) * (row[BOUND_PLANE] + row[BOUND_Q] * max(abs(qmin), abs(qmax)))
-    middle = a * cx + b * cy + c + d * cq
-    reach = abs(a) * hx + abs(b) * hy + abs(d) * hq
-    if middle + reach < -limit:
-        return -1
-    if inside and middle - reach > limit:
-        return 1
-    return 0
+        reject |= middle + reach < zero - limit
+        accept &= middle - reach > limit
+    a, b, d = load(rows, cluster, 9 * LANES), load(rows, cluster, 10 * LANES), load(rows, cluster, 12 * LANES)
+    reach_q = max(abs(qmin), abs(qmax))
+    limit = (load(rows, cluster, BOUND_PLANE * LANES) + load(rows, cluster, BOUND_Q * LANES) * reach_q) * two
+    middle = a * cx + b * cy + load(rows, cluster, 11 * LANES) + d * (half * (qmin + qmax))
+    reach = abs(a) * hx + abs(b) * hy + abs(d) * (half * (qmax - qmin))
+    reject |= middle + reach < zero - limit
+    accept &= middle - reach > limit
+    return reject, accept
+
+
+@expand
+def _touched(leaf_place, leaf_ids, slot, t, rows, cluster, lane, sides, plane):
+    """Masks of a leaf's lanes that a frustum may shadow, and of those that it surely does."""
+    x, y, q = load(leaf_place, slot, X), load(leaf_place, slot, Y), load(leaf_place, slot, Q)
+    maybe = ~(equal(leaf_ids, slot, OWN, t) | equal(leaf_ids, slot, OWN, DARK))
+    sure = maybe
+    for edge in range(3):
+        at = 3 * edge * LANES + lane
+        value = x * rows[cluster, at] + y * rows[cluster, at + LANES] + rows[cluster, at + 2 * LANES]
+        maybe &= value >= -sides
+        sure &= value > sides
+    at = 9 * LANES + lane
+    value = x * rows[cluster, at] + y * rows[cluster, at + LANES] + rows[cluster, at + 2 * LANES]
+    value = value + q * rows[cluster, at + 3 * LANES]
+    maybe &= value >= -plane
+    sure &= value > plane
+    return maybe, sure
 
 
 @inline
-def _leaf(
-    slot, listed, count, ids, rows, leaf_x, leaf_y, leaf_q, leaf_own, leaf_sample, leaf_slack, leaf_box,
-    positions, triangles, facing_of, light, barycentric, side, position, point, candidate, open_lane, open_id, stats,
-):  # fmt: skip
-    """Test the samples of a leaf against a list of frusta; returns whether all of them are in shadow now."""
-    slack_x, slack_q = leaf_slack[slot, 0], leaf_slack[slot, 1]
-    reach_q = max(abs(leaf_box[slot, 4]), abs(leaf_box[slot, 5]))
-    open_count = 0
-    lit = 0
-    for lane in range(LANES):
-        lit += leaf_own[slot, lane] != DARK
-    if lit == 0:
-        return True
-    stats[SAMPLE_TESTS] += count * LANES
-    for entry in range(count):
-        k = listed[entry]
-        t = ids[k]
-        a0, b0, c0 = rows[k, 0], rows[k, 1], rows[k, 2]
-        a1, b1, c1 = rows[k, 3], rows[k, 4], rows[k, 5]
-        a2, b2, c2 = rows[k, 6], rows[k, 7], rows[k, 8]
-        a3, b3, c3, d3 = rows[k, 9], rows[k, 10], rows[k, 11], rows[k, 12]
-        sides = rows[k, BOUND_SIDES] + slack_x
-        plane = rows[k, BOUND_PLANE] + slack_x + rows[k, BOUND_Q] * reach_q + abs(d3) * slack_q
-        if np.isnan(plane):
-            plane = np.float32(np.inf)  # 0 times infinity: nothing is known
-        any_candidate = np.int32(0)
-        for lane in range(LANES):
-            x, y, q = leaf_x[slot, lane], leaf_y[slot, lane], leaf_q[slot, lane]
-            e0 = a0 * x + b0 * y + c0
-            e1 = a1 * x + b1 * y + c1
-            e2 = a2 * x + b2 * y + c2
-            e3 = a3 * x + b3 * y + c3 + d3 * q
-            low = e0 if e0 < e1 else e1
-            low = e2 if e2 < low else low
-            own = leaf_own[slot, lane]
-            hit = np.int32(low >= -sides) & np.int32(e3 >= -plane) & np.int32(own != t) & np.int32(own != DARK)
-            candidate[lane] = hit
-            any_candidate |= hit
-        if any_candidate == 0:
-            continue
-        for lane in range(LANES):
-            # A full list may have been settled since `candidate` was written.
-            if candidate[lane] == 0 or leaf_own[slot, lane] == DARK:
-                continue
-            x, y, q = leaf_x[slot, lane], leaf_y[slot, lane], leaf_q[slot, lane]
-            low = min(a0 * x + b0 * y + c0, a1 * x + b1 * y + c1, a2 * x + b2 * y + c2)
-            if low > sides and a3 * x + b3 * y + c3 + d3 * q > plane:
-                leaf_own[slot, lane] = DARK
-                lit -= 1
-            else:
-                if open_count == len(open_lane):
-                    lit -= _settle(
-                        slot, open_lane, open_id, open_count, leaf_own, leaf_sample, positions, triangles, facing_of,
-                        light, barycentric, side, position, point, stats,
-                    )  # fmt: skip
-                    open_count = 0
-                open_lane[open_count], open_id[open_count] = lane, t
-                open_count += 1
-        if lit <= 0:
-            return True
-    lit -= _settle(
-        slot, open_lane, open_id, open_count, leaf_own, leaf_sample, positions, triangles, facing_of,
-        light, barycentric, side, position, point, stats,
+def _settle(slot, lane, t, leaf_ids, positions, triangles, light, barycentric, side, position, point, stats):
+    """Ask the predicate about a pair that float32 left open."""
+    own = leaf_ids[slot, OWN + lane]
+    index = leaf_ids[slot, SAMPLE + lane]
+    for axis in range(3):
+        point[axis] = position[index, axis]
+    answer = shadows(
+        positions, triangles, t, facing(positions, triangles, t, light), light, own,
+        np.float64(barycentric[index, 0]), np.float64(barycentric[index, 1]), np.int64(side[index]), point,
     )  # fmt: skip
-    return lit <= 0
+    stats[FALLBACKS] += 1
+    if answer & EXACT:
+        stats[EXACT_TESTS] += 1
+    return answer & SHADOWED
 
 
 @inline
-def _settle(
-    slot, open_lane, open_id, open_count, leaf_own, leaf_sample, positions, triangles, facing_of, light,
-    barycentric, side, position, point, stats,
-):  # fmt: skip
-    """Ask the predicate about the pairs that float32 left open and nothing else has shadowed; returns the new ones."""
-    found = 0
-    for entry in range(open_count):
-        lane, t = open_lane[entry], open_id[entry]
-        own = leaf_own[slot, lane]
-        if own == DARK:
-            continue
-        index = leaf_sample[slot, lane]
-        for axis in range(3):
-            point[axis] = position[index, axis]
-        answer = shadows(
-            positions, triangles, t, facing_of[t], light, own,
-            np.float64(barycentric[index, 0]), np.float64(barycentric[index, 1]), np.int64(side[index]), point,
-        )  # fmt: skip
-        stats[FALLBACKS] += 1
-        if answer & EXACT:
-            stats[EXACT_TESTS] += 1
-        if answer & SHADOWED:
-            leaf_own[slot, lane] = DARK
-            found += 1
-    return found
+def _common_bounds(rects, cluster, mask, outer):
+    """Bounds of a cluster's frusta, and the width and height of its widest and highest."""
+    x0, x1 = load(rects, cluster, RECT_XMIN * LANES), load(rects, cluster, RECT_XMAX * LANES)
+    y0, y1 = load(rects, cluster, RECT_YMIN * LANES), load(rects, cluster, RECT_YMAX * LANES)
+    low, high = splat(np.float32(-np.inf)), splat(np.float32(np.inf))
+    outer[cluster, XMIN], outer[cluster, XMAX] = smallest(choose(mask, x0, high)), largest(choose(mask, x1, low))
+    outer[cluster, YMIN], outer[cluster, YMAX] = smallest(choose(mask, y0, high)), largest(choose(mask, y1, low))
+    outer[cluster, 4] = largest(choose(mask, load(rects, cluster, RECT_QMAX * LANES), low))
+    outer[cluster, WIDTH] = largest(choose(mask, x1 - x0, low))
+    outer[cluster, HEIGHT] = largest(choose(mask, y1 - y0, low))
 
 
 @inline
-def _common_bounds(rects, listed, count, out):
-    """Bounds of a list of frusta."""
-    xmin, ymin = np.float32(np.inf), np.float32(np.inf)
-    xmax, ymax, qmax = np.float32(-np.inf), np.float32(-np.inf), np.float32(-np.inf)
-    for entry in range(count):
+def _hand_down(listed, masked, entries, outer, box, full, group, child_list, child_mask, child_count):
+    """Give each child of a node those clusters whose bounds meet its box; returns the mask of children with any."""
+    child_count[:] = 0
+    open_children = equal(full, group, 0, np.uint8(0))
+    xmin, xmax = load(box, group, XMIN * LANES), load(box, group, XMAX * LANES)
+    ymin, ymax = load(box, group, YMIN * LANES), load(box, group, YMAX * LANES)
+    qmin = load(box, group, QMIN * LANES)
+    visited = np.int32(0)
+    for entry in range(entries):
         k = listed[entry]
-        xmin, xmax = min(xmin, rects[0, k]), max(xmax, rects[1, k])
-        ymin, ymax = min(ymin, rects[2, k]), max(ymax, rects[3, k])
-        qmax = max(qmax, rects[4, k])
-    out[0], out[1], out[2], out[3], out[4] = xmin, xmax, ymin, ymax, qmax
+        hit = (
+            open_children
+            & (xmin <= outer[k, XMAX])
+            & (xmax >= outer[k, XMIN])
+            & (ymin <= outer[k, YMAX])
+            & (ymax >= outer[k, YMIN])
+            & (qmin <= outer[k, 4])
+        )
+        visited |= hit
+        while hit:
+            child = lowest(hit)
+            hit &= hit - np.int32(1)
+            place = child_count[child]
+            child_list[child, place], child_mask[child, place] = k, masked[entry]
+            child_count[child] = place + 1
+    return visited
+
+
+@inline
+def _bring_near(visited, number, slots, leaf_place, leaf_ids, leaf_box):
+    """Prefetch the leaves that come next: they lie anywhere in memory."""
+    while visited:
+        slot = np.int64(slots[number * LANES + lowest(visited)])
+        visited &= visited - np.int32(1)
+        prefetch(leaf_box, slot, 0)
+        for part in range(2):
+            prefetch(leaf_ids, slot, part * LANES)
+        for part in range(3):
+            prefetch(leaf_place, slot, part * LANES)
 
 
 @kernel
 def traverse_batch(
-    positions, triangles, facing_of, casts, light, frame, start, stop,
-    box, level, slots, full,
-    leaf_x, leaf_y, leaf_q, leaf_own, leaf_sample, leaf_slack, leaf_box,
-    barycentric, side, position, stats,
+    positions, triangles, corners, order, facing_of, light, frame, start, stop,
+    box, full, level, slots, leaf_place, leaf_ids, leaf_box, barycentric, side, position, stats,
 ):  # fmt: skip
-    """Rasterize the frusta of triangles `start` to `stop` over one sample tree."""
-    top = len(level) - 2
-    root = level[top]
-    if full[root]:
+    """Rasterize the frusta of clusters `start` to `stop` over one sample tree; where `facing_of` is 0, none is cast."""
+    top = len(level) - 1
+    if full[top_group(level), 0]:
         return
-    ids = np.empty(BATCH, np.int32)
-    rects = np.empty((5, BATCH), np.float32)
-    rows = np.empty((BATCH, ROW), np.float32)
-    count = _set_up(positions, triangles, facing_of, casts, light, frame, box, root, start, stop, ids, rects, rows)
-    if count == 0:
-        return
-    lists = np.empty((MAX_DEPTH, BATCH), np.int32)
-    counts, nodes, nexts = (
-        np.empty(MAX_DEPTH, np.int64),
-        np.empty(MAX_DEPTH, np.int64),
-        np.empty(MAX_DEPTH, np.int64),
-    )
-    common = np.empty((MAX_DEPTH, 5), np.float32)
-    candidate = np.empty(LANES, np.int32)
-    open_lane, open_id = np.empty(256, np.int32), np.empty(256, np.int32)
+    rects = np.empty((CLUSTERS, RECTS), np.float32)
+    rows = np.empty((CLUSTERS, PLANES), np.float32)
+    outer = np.empty((CLUSTERS, 8), np.float32)
+    ready, number_of = np.empty(CLUSTERS, np.bool_), np.empty(CLUSTERS, np.int64)
+    lists = np.empty((MAX_DEPTH, LANES, CLUSTERS), np.int32)
+    masks = np.empty((MAX_DEPTH, LANES, CLUSTERS), np.int32)
+    counts = np.empty((MAX_DEPTH, LANES), np.int32)
+    groups, numbers = np.empty(MAX_DEPTH, np.int64), np.empty(MAX_DEPTH, np.int64)
+    visited, children = np.empty(MAX_DEPTH, np.int32), np.empty(MAX_DEPTH, np.int64)
     point = np.empty(3)
-    for k in range(count):
-        lists[0, k] = k
-    # The root is visited as the only child of a place above it.
+
     depth = 0
-    counts[0], nodes[0], nexts[0] = count, 0, 0
-    _common_bounds(rects, lists[0], count, common[0])
+    group = top_group(level)
+    xmin, xmax, ymin, ymax = box[group, 0], box[group, XMAX * LANES], box[group, YMIN * LANES], box[group, YMAX * LANES]
+    qmin = box[group, QMIN * LANES]
+    clusters = 0
+    for cluster in range(start, stop):
+        bound_frusta(corners, cluster, light, frame, rects, clusters)
+        mask = _meeting(rects, clusters, xmin, xmax, ymin, ymax, qmin)
+        mask &= ~equal(facing_of, cluster, 0, np.int8(0))
+        if mask == 0:
+            continue
+        _common_bounds(rects, clusters, mask, outer)
+        lists[0, 0, clusters], masks[0, 0, clusters] = clusters, mask
+        ready[clusters] = False
+        number_of[clusters] = cluster
+        clusters += 1
+    if clusters == 0:
+        return
+    # The root is the only child of a group above it.
+    counts[0, 0], groups[0], numbers[0], visited[0] = clusters, group, 0, 1
     while depth >= 0:
-        below = top - depth  # level of the children
-        first = level[below]
-        if nexts[depth] == ARITY or (depth == 0 and nexts[0] == 1):
-            if depth > 0:
-                # Everything below was visited: full when all children are (empty padding counts as full).
-                whole = True
-                for child in range(ARITY):
-                    node = first + nodes[depth] * ARITY + child
-                    whole = whole and (full[node] != 0 or box[XMIN, node] > box[XMAX, node])
-                if whole:
-                    full[level[below + 1] + nodes[depth]] = 1
+        group = groups[depth]
+        if visited[depth] == 0:
+            if depth > 0 and equal(full, group, 0, np.uint8(0)) == 0:
+                full[groups[depth - 1], children[depth - 1]] = 1
             depth -= 1
             continue
-        number = nodes[depth] * ARITY + nexts[depth]
-        nexts[depth] += 1
-        node = first + number
-        if full[node]:
+        child = np.int64(lowest(visited[depth]))
+        visited[depth] &= visited[depth] - np.int32(1)
+        if full[group, child]:
             continue
-        xmin, xmax = box[XMIN, node], box[XMAX, node]
-        ymin, ymax = box[YMIN, node], box[YMAX, node]
-        qmin, qmax = box[QMIN, node], box[QMAX, node]
-        if xmin > xmax:
-            continue
-        # The list's common bounds first: neighbouring triangles mostly go the same way.
-        stats[TILE_TESTS] += 1
-        if (
-            common[depth, 0] > xmax
-            or common[depth, 1] < xmin
-            or common[depth, 2] > ymax
-            or common[depth, 3] < ymin
-            or common[depth, 4] < qmin
-        ):
-            stats[REJECTS] += 1
-            continue
-        here = lists[depth]
-        there = lists[depth + 1]
-        passed = 0
-        for entry in range(counts[depth]):
-            k = here[entry]
-            there[passed] = k
-            passed += np.int64(
-                (rects[0, k] <= xmax)
-                & (rects[1, k] >= xmin)
-                & (rects[2, k] <= ymax)
-                & (rects[3, k] >= ymin)
-                & (rects[4, k] >= qmin)
-            )
-        stats[TILE_TESTS] += counts[depth]
-        stats[REJECTS] += counts[depth] - passed
-        if passed == 0:
-            continue
-        # The planes say more than the bounds only where the frustum is wider than the box.
+        below = top - depth  # level of this group
+        number = numbers[depth] * LANES + child
+        xmin, xmax = box[group, XMIN * LANES + child], box[group, XMAX * LANES + child]
+        ymin, ymax = box[group, YMIN * LANES + child], box[group, YMAX * LANES + child]
+        qmin, qmax = box[group, QMIN * LANES + child], box[group, QMAX * LANES + child]
+        width, height = xmax - xmin, ymax - ymin
+        listed, masked = lists[depth, child], masks[depth, child]
         kept = 0
         accepted = False
-        for entry in range(passed):
-            k = there[entry]
-            if rects[1, k] - rects[0, k] > xmax - xmin or rects[3, k] - rects[2, k] > ymax - ymin:
-                verdict = _against_box(rows[k], xmin, xmax, ymin, ymax, qmin, qmax)
-                if verdict > 0:
-                    accepted = True
-                    break
-                if verdict < 0:
-                    continue
-            there[kept] = k
+        stats[TILE_TESTS] += counts[depth, child]
+        for entry in range(counts[depth, child]):
+            k = listed[entry]
+            mask = masked[entry]
+            # The frusta's own bounds, and planes, say more than the cluster's only where they are wider than the box.
+            wide = outer[k, WIDTH] > width or outer[k, HEIGHT] > height
+            mask &= _meeting(rects, k, xmin, xmax, ymin, ymax, qmin)
+            if mask == 0:
+                continue
+            if wide or below == 0:
+                if not ready[k]:
+                    put_planes(corners, number_of[k], facing_of, light, frame, rows, k)
+                    ready[k] = True
+                if wide:
+                    reject, accept = _against_box(rows, k, xmin, xmax, ymin, ymax, qmin, qmax)
+                    stats[REJECTS] += count(mask & reject)
+                    if mask & accept & ~reject:
+                        accepted = True
+                        break
+                    mask &= ~reject
+                    if mask == 0:
+                        continue
+            listed[kept], masked[kept] = k, mask
             kept += 1
         if accepted:
             stats[ACCEPTS] += 1
-            full[node] = 1
+            full[group, child] = 1
             continue
-        stats[REJECTS] += passed - kept
         if kept == 0:
             continue
-        if below == 0:
-            if _leaf(
-                slots[number], there, kept, ids, rows, leaf_x, leaf_y, leaf_q, leaf_own, leaf_sample, leaf_slack,
-                leaf_box, positions, triangles, facing_of, light, barycentric, side, position, point, candidate,
-                open_lane, open_id, stats,
-            ):  # fmt: skip
-                full[node] = 1
-        else:
+        if below > 0:
+            children[depth] = child
             depth += 1
-            counts[depth], nodes[depth], nexts[depth] = kept, number, 0
-            _common_bounds(rects, there, kept, common[depth])
+            groups[depth], numbers[depth] = level[below - 1] + number, number
+            visited[depth] = _hand_down(
+                listed, masked, kept, outer, box, full, groups[depth], lists[depth], masks[depth], counts[depth]
+            )
+            if below == 1:
+                _bring_near(visited[depth], number, slots, leaf_place, leaf_ids, leaf_box)
+            continue
+        # A leaf: its samples against what is left of the list.
+        slot = np.int64(slots[number])
+        dark = equal(leaf_ids, slot, OWN, np.int32(DARK))
+        slack_x, slack_q = leaf_box[slot, SLACK_X], leaf_box[slot, SLACK_Q]
+        reach_q = max(abs(qmin), abs(qmax))
+        for entry in range(kept):
+            if dark == ALL:
+                break
+            k = np.int64(listed[entry])
+            mask = masked[entry]
+            stats[SAMPLE_TESTS] += count(mask) * LANES
+            while mask:
+                lane = np.int64(lowest(mask))
+                mask &= mask - np.int32(1)
+                t = order[number_of[k] * LANES + lane]
+                sides = rows[k, BOUND_SIDES * LANES + lane] + slack_x
+                slope_q = abs(rows[k, 12 * LANES + lane])
+                plane = rows[k, BOUND_PLANE * LANES + lane] + slack_x
+                plane += rows[k, BOUND_Q * LANES + lane] * reach_q + slope_q * slack_q
+                if np.isnan(plane):
+                    plane = np.float32(np.inf)  # 0 times infinity: nothing is known
+                maybe, sure = _touched(leaf_place, leaf_ids, slot, t, rows, k, lane, sides, plane)
+                unsure = maybe & ~sure
+                dark |= sure
+                while sure:
+                    leaf_ids[slot, OWN + lowest(sure)] = DARK
+                    sure &= sure - np.int32(1)
+                while unsure:
+                    other = lowest(unsure)
+                    unsure &= unsure - np.int32(1)
+                    if _settle(
+                        slot, other, t, leaf_ids, positions, triangles, light, barycentric, side,
+                        position, point, stats,
+                    ):  # fmt: skip
+                        leaf_ids[slot, OWN + other] = DARK
+                        dark |= np.int32(1) << other
+        if dark == ALL:
+            full[group, child] = 1
+
+
+@inline
+def top_group(level):
+    """The group above the root."""
+    return level[len(level) - 1]
 
 
 @kernel
-def merge(level, slots, full, leaf_own, leaf_sample, in_shadow):
-    """Hand every full node's verdict down to its samples and write them out (the paper's merge, section 3.1)."""
-    for depth in range(len(level) - 2, 0, -1):
-        for number in range(level[depth + 1] - level[depth]):
-            if full[level[depth] + number]:
-                for child in range(ARITY):
-                    node = level[depth - 1] + number * ARITY + child
-                    if node < level[depth]:
-                        full[node] = 1
-    for number in range(len(slots)):
+def merge(level, full):
+    """Hand every full node's verdict down to the leaves (the paper's merge, section 3.1)."""
+    for depth in range(len(level) - 1, 0, -1):
+        last = level[depth] if depth == len(level) - 1 else level[depth + 1] - 1
+        for group in range(level[depth], last + 1):
+            for child in range(LANES):
+                below = level[depth - 1] + (group - level[depth]) * LANES + child
+                if full[group, child] and below < level[depth]:
+                    full[below] = 1
+
+
+@kernel
+def write_out(start, stop, slots, full, leaf_ids, in_shadow):
+    """Write the verdicts of leaves `start` to `stop`."""
+    for number in range(start, stop):
         slot = slots[number]
+        whole = full[number // LANES, number % LANES]
         for lane in range(LANES):
-            if leaf_sample[slot, lane] >= 0 and (full[number] or leaf_own[slot, lane] == DARK):
-                in_shadow[leaf_sample[slot, lane]] = True
+            index = leaf_ids[slot, SAMPLE + lane]
+            if index >= 0 and (whole or leaf_ids[slot, OWN + lane] == DARK):
+                in_shadow[index] = True

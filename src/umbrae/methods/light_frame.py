@@ -31,6 +31,10 @@ def surface_error(bounds: NDArray[np.float64]) -> float:
     return 2.0**-50 * float(np.abs(bounds).max()) + 2.0**-149
 
 
+WIDEST = 4.0
+"""Largest |x| and |y| of a point light's only frame."""
+
+
 class LightFrame(NamedTuple):
     """One frame as plain numbers, for kernels.
 
@@ -59,8 +63,12 @@ class LightFrame(NamedTuple):
 AXIS_C, SIGN, SLOPE_A, SLOPE_B, X0, Y0, Q0, SCALE_X, SCALE_Y, SCALE_Q = range(10)
 
 
-def light_frames(light: NDArray[np.float64], bounds: NDArray[np.float64]) -> list[LightFrame]:
-    """The frames of a light `(4,)` over a box `(2, 3)` that holds all samples: one, or six for a point light."""
+def light_frames(light: NDArray[np.float64], bounds: NDArray[np.float64], error: float) -> list[LightFrame]:
+    """The frames of a light `(4,)` over a box `(2, 3)` that holds all samples: one, or six for a point light.
+
+    A point light too has a single frame when the box lies before it so that x and y stay below `WIDEST` and every
+    sample is much farther from the light's plane than the `error` of its position.
+    """
     corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     if light[3] == 0.0:
         c = int(np.argmax(np.abs(light[:3])))
@@ -70,24 +78,31 @@ def light_frames(light: NDArray[np.float64], bounds: NDArray[np.float64]) -> lis
         x, y = corners[:, a] - slope_a * corners[:, c], corners[:, b] - slope_b * corners[:, c]
         window = zip(*(_window(values) for values in (x, y, sign * corners[:, c])), strict=True)
         return [LightFrame(a, b, c, sign, slope_a, slope_b, *next(window), *next(window))]
-    frames = []
     relative = corners - light[:3]
-    for c in range(3):
-        for sign in (1.0, -1.0):
-            a, b = (c + 1) % 3, (c + 2) % 3
-            z = sign * relative[:, c]
-            x0 = y0 = q0 = 0.0
-            hx = hy = 1.0
-            hq = 1.0 / (float(np.abs(relative).max()) or 1.0)
-            if z.min() > 0.0:
-                x0, hx = _window(np.clip(relative[:, a] / z, -1.0, 1.0))
-                y0, hy = _window(np.clip(relative[:, b] / z, -1.0, 1.0))
-                hq = 1.0 / float(z.min())
-                # A shift would waste float32's digits where q spans orders of magnitude.
-                if z.max() < 4.0 * z.min():
-                    q0, hq = _window(1.0 / z)
-            frames.append(LightFrame(a, b, c, sign, 0.0, 0.0, x0, y0, q0, hx, hy, hq))
-    return frames
+    faces = [(c, sign) for c in range(3) for sign in (1.0, -1.0)]
+    nearest = [float((sign * relative[:, c]).min()) for c, sign in faces]
+    best = int(np.argmax(nearest))
+    reach = float(np.abs(relative).max())
+    if nearest[best] > max(4096.0 * (error + 2.0**-50 * reach), reach / WIDEST):
+        faces = [faces[best]]
+    return [_face(relative, c, sign, WIDEST if len(faces) == 1 else 1.0) for c, sign in faces]
+
+
+def _face(relative: NDArray[np.float64], c: int, sign: float, widest: float) -> LightFrame:
+    """A point light's frame along an axis for samples within corners `relative (8, 3)` and |x|, |y| <= `widest`."""
+    a, b = (c + 1) % 3, (c + 2) % 3
+    z = sign * relative[:, c]
+    x0 = y0 = q0 = 0.0
+    hx = hy = 1.0
+    hq = 1.0 / (float(np.abs(relative).max()) or 1.0)
+    if z.min() > 0.0:
+        x0, hx = _window(np.clip(relative[:, a] / z, -widest, widest))
+        y0, hy = _window(np.clip(relative[:, b] / z, -widest, widest))
+        hq = 1.0 / float(z.min())
+        # A shift would waste float32's digits where q spans orders of magnitude.
+        if z.max() < 4.0 * z.min():
+            q0, hq = _window(1.0 / z)
+    return LightFrame(a, b, c, sign, 0.0, 0.0, x0, y0, q0, hx, hy, hq)
 
 
 def _window(values: NDArray[np.float64]) -> tuple[float, float]:

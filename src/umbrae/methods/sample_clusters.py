@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from umbrae.methods.lanes import LANES
 from umbrae.methods.light_frame import (
     AXIS_C,
-    POSITION_ERROR,
     Q0,
     SCALE_Q,
     SCALE_X,
@@ -15,16 +15,20 @@ from umbrae.methods.light_frame import (
     X0,
     Y0,
 )
-from umbrae.parallel import inline, kernel
-
-LANES = 16
-"""Samples per leaf: a tile of 4 x 4 pixels, or 16 neighbours of a list."""
+from umbrae.parallel import expand, inline, kernel
 
 SPARE = 2
-"""Slots per tile beyond one for each light frame: for samples of unsure direction, and for splitting."""
+"""Slots per tile beyond one for each light frame: for samples of unsure direction, and for cutting."""
 
 LARGEST_Q = 2.0**60
 """Samples with a larger q (that much nearer to a point light than the scene is wide) count as of unsure direction."""
+
+UNSURE = 6
+"""In place of a frame's number: samples so near to the light that their direction is unsure."""
+
+X, Y, Q = 0, LANES, 2 * LANES
+OWN, SAMPLE = 0, LANES
+XMIN, XMAX, YMIN, YMAX, QMIN, QMAX, SLACK_X, SLACK_Q = range(8)
 
 DARK = -2
 """In `Leaves.own`: this lane needs no more tests (in shadow, or padding)."""
@@ -48,175 +52,261 @@ def _curve(x, y):
 
 
 @inline
-def _choose(x, y, dx, frame, lanes, may_split, chosen):
-    """Mark the lanes that go into one leaf with the first: same frame, and on the same side of any wide gap.
+def _cut(place, lanes, far_side):
+    """Whether a tile has a wide gap; then `far_side` marks the lanes beyond it, seen from the first.
 
     A tile across an outline has one part here and another far away in the light's view; a box around both would meet
     all frusta in between. The lanes nearer to the first than to the one farthest from it are a leaf of their own when
     the two boxes together have less than a quarter of the area of the one around all.
     """
-    unsure = dx[0] == np.inf
+    far, distance = 0, np.float32(0.0)
+    for lane in range(1, lanes):
+        apart = max(abs(place[X + lane] - place[X]), abs(place[Y + lane] - place[Y]))
+        if apart > distance:
+            far, distance = lane, apart
+    near_x0, near_x1, near_y0, near_y1 = place[X], place[X], place[Y], place[Y]
+    far_x0, far_x1, far_y0, far_y1 = place[X + far], place[X + far], place[Y + far], place[Y + far]
     for lane in range(lanes):
-        chosen[lane] = frame[lane] == frame[0] and (dx[lane] == np.inf) == unsure
-    while may_split and not unsure:
-        farthest, distance = 0, 0.0
-        for lane in range(1, lanes):
-            apart = max(abs(x[lane] - x[0]), abs(y[lane] - y[0]))
-            if chosen[lane] and apart > distance:
-                farthest, distance = lane, apart
-        near_x0, near_x1, near_y0, near_y1 = x[0], x[0], y[0], y[0]
-        far_x0, far_x1, far_y0, far_y1 = x[farthest], x[farthest], y[farthest], y[farthest]
-        for lane in range(1, lanes):
-            if chosen[lane]:
-                apart = max(abs(x[lane] - x[0]), abs(y[lane] - y[0]))
-                if apart <= max(abs(x[lane] - x[farthest]), abs(y[lane] - y[farthest])):
-                    near_x0, near_x1 = min(near_x0, x[lane]), max(near_x1, x[lane])
-                    near_y0, near_y1 = min(near_y0, y[lane]), max(near_y1, y[lane])
-                else:
-                    far_x0, far_x1 = min(far_x0, x[lane]), max(far_x1, x[lane])
-                    far_y0, far_y1 = min(far_y0, y[lane]), max(far_y1, y[lane])
-        parts = (near_x1 - near_x0) * (near_y1 - near_y0) + (far_x1 - far_x0) * (far_y1 - far_y0)
-        width, height = (
-            max(near_x1, far_x1) - min(near_x0, far_x0),
-            max(near_y1, far_y1) - min(near_y0, far_y0),
-        )
-        if not 4.0 * parts < width * height:
-            return
-        for lane in range(1, lanes):
-            apart = max(abs(x[lane] - x[0]), abs(y[lane] - y[0]))
-            if apart > max(abs(x[lane] - x[farthest]), abs(y[lane] - y[farthest])):
-                chosen[lane] = False
+        x, y = place[X + lane], place[Y + lane]
+        apart = max(abs(x - place[X]), abs(y - place[Y]))
+        far_side[lane] = apart > max(abs(x - place[X + far]), abs(y - place[Y + far]))
+        if far_side[lane]:
+            far_x0, far_x1 = min(far_x0, x), max(far_x1, x)
+            far_y0, far_y1 = min(far_y0, y), max(far_y1, y)
+        else:
+            near_x0, near_x1 = min(near_x0, x), max(near_x1, x)
+            near_y0, near_y1 = min(near_y0, y), max(near_y1, y)
+    parts = (near_x1 - near_x0) * (near_y1 - near_y0) + (far_x1 - far_x0) * (far_y1 - far_y0)
+    width, height = max(near_x1, far_x1) - min(near_x0, far_x0), max(near_y1, far_y1) - min(near_y0, far_y0)
+    return np.float32(4.0) * parts < width * height
+
+
+@inline
+def _group(x, y, z, frames, error):
+    """The frame that a sample at `x, y, z` from a point light lies in; `UNSURE` where it is too near to tell."""
+    u, v, w = abs(x), abs(y), abs(z)
+    if u >= v and u >= w:
+        frame, depth = 0 if x >= 0.0 else 1, u
+    elif v >= w:
+        frame, depth = 2 if y >= 0.0 else 3, v
+    else:
+        frame, depth = 4 if z >= 0.0 else 5, w
+    if depth <= 1024.0 * (error + 2.0**-50 * depth) or depth * LARGEST_Q <= frames[frame, SCALE_Q]:
+        return UNSURE
+    return frame
+
+
+@expand
+def _to_frame(source, light, row, place):
+    """Window coordinates of 16 positions in a frame."""
+    x0, y0, q0 = row[X0], row[Y0], row[Q0]
+    scale_x, scale_y, scale_q = row[SCALE_X], row[SCALE_Y], row[SCALE_Q]
+    axis = np.int64(row[AXIS_C])
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    if light[3] == 0.0:
+        slope_a, slope_b, sign = row[SLOPE_A], row[SLOPE_B], row[SIGN]
+        for lane in range(LANES):
+            z = source[axis, lane]
+            place[X + lane] = (source[a, lane] - slope_a * z - x0) * scale_x
+            place[Y + lane] = (source[b, lane] - slope_b * z - y0) * scale_y
+            place[Q + lane] = (sign * z - q0) * scale_q
+    else:
+        la, lb, lc = light[a], light[b], light[axis]
+        for lane in range(LANES):
+            z = abs(source[axis, lane] - lc)
+            q = 1.0 / z
+            place[X + lane] = ((source[a, lane] - la) * q - x0) * scale_x
+            place[Y + lane] = ((source[b, lane] - lb) * q - y0) * scale_y
+            place[Q + lane] = (q - q0) * scale_q
+
+
+@expand
+def _bounds(place, at):
+    """Smallest and largest of 16 numbers."""
+    low, high = place[at], place[at]
+    for lane in range(LANES):
+        value = place[at + lane]
+        low = value if value < low else low
+        high = value if value > high else high
+    return low, high
+
+
+@inline
+def _slack(source, light, row, error, rounding):
+    """How far window coordinates of a tile's samples may be off: x or y, and q."""
+    if light[3] == 0.0:
+        # Two numbers off by `error` each, and the rounding of that line (float64, slopes at most 1).
+        dx, dq = 2.0 * error + rounding, error + rounding
+    else:
+        axis = np.int64(row[AXIS_C])
+        low, high = _bounds(source[axis], 0)
+        nearest = min(abs(low - light[axis]), abs(high - light[axis]))
+        # Rounding of P' itself, where P is exact: 2**-53 of it, so 2**-50 of P and P' is plenty.
+        error += rounding + 2.0**-50 * max(abs(low - light[axis]), abs(high - light[axis]))
+        # z is sure to a thousandth: (error + |x| error) / z for the largest x in the window, and error / z**2.
+        q = 1.0 / nearest
+        reach = max(abs(row[X0]) + 1.0 / row[SCALE_X], abs(row[Y0]) + 1.0 / row[SCALE_Y])
+        dx, dq = 1.01 * (1.0 + reach) * error * q, (1.01 * error * q + 2.0**-50) * q
+    # 2**-49 covers the rounding of the division and of moving into the window, within which x and y lie.
+    dx_window = (dx + 2.0**-49 * abs(row[X0])) * row[SCALE_X]
+    dy_window = (dx + 2.0**-49 * abs(row[Y0])) * row[SCALE_Y]
+    return max(dx_window, dy_window) + 2.0**-49, (dq + 2.0**-49 * abs(row[Q0])) * row[SCALE_Q]
+
+
+@expand
+def _pad(place, ids, lanes):
+    """Give the lanes without a sample the first one's place."""
+    x, y, q = place[X], place[Y], place[Q]
+    for lane in range(LANES):
+        place[X + lane] = place[X + lane] if lane < lanes else x
+        place[Y + lane] = place[Y + lane] if lane < lanes else y
+        place[Q + lane] = place[Q + lane] if lane < lanes else q
+        ids[OWN + lane] = ids[OWN + lane] if lane < lanes else DARK
+        ids[SAMPLE + lane] = ids[SAMPLE + lane] if lane < lanes else -1
+
+
+@inline
+def _put_leaf(slot, frame, place, ids, lanes, slack_x, slack_q, leaf_place, leaf_ids, leaf_box, leaf_key):
+    """Store up to 16 samples as a leaf."""
+    _pad(place, ids, lanes)
+    for part in range(3 * LANES):
+        leaf_place[slot, part] = place[part]
+    for part in range(2 * LANES):
+        leaf_ids[slot, part] = ids[part]
+    xmin, xmax = _bounds(place, X)
+    ymin, ymax = _bounds(place, Y)
+    qmin, qmax = _bounds(place, Q)
+    # Rounded up to float32, and 2**-24 of the coordinate for its own rounding (q may exceed 1, and below 2**-126 that
+    # is up to 2**-150).
+    reach_q = max(abs(qmin), abs(qmax))
+    slack_x = np.float32(slack_x * 1.000001 + 2.0**-24)
+    slack_q = np.float32(slack_q * 1.000001 + 2.0**-24 * 1.000001 * reach_q + 2.0**-149)
+    # Boxes are widened a little further, because these differences are rounded as well.
+    wide_x = slack_x + np.float32(2.0**-23)
+    wide_q = slack_q + np.float32(2.0**-23) * reach_q
+    leaf_box[slot, XMIN], leaf_box[slot, XMAX] = xmin - wide_x, xmax + wide_x
+    leaf_box[slot, YMIN], leaf_box[slot, YMAX] = ymin - wide_x, ymax + wide_x
+    leaf_box[slot, QMIN], leaf_box[slot, QMAX] = qmin - wide_q, qmax + wide_q
+    leaf_box[slot, SLACK_X], leaf_box[slot, SLACK_Q] = slack_x, slack_q
+    half = np.float32(0.5)
+    leaf_key[slot] = frame << 32 | _curve(half * (xmin + xmax), half * (ymin + ymax))
 
 
 @kernel
 def cluster_tiles(
-    triangle, side, position, covered, facing, light, frames, surface_error, height, width, order, start, stop,
-    leaf_x, leaf_y, leaf_q, leaf_own, leaf_sample, leaf_slack, leaf_box, leaf_key, in_shadow,
+    triangle, side, position, covered, facing_of, light, frames, error, rounding, gap,
+    height, width, order, start, stop, slot, last, leaf_place, leaf_ids, leaf_box, leaf_key, in_shadow,
 ):  # fmt: skip
     """Turn tiles `start` to `stop` into leaves, one or more per light frame that a tile's samples lie in.
 
-    Positions on surfaces are off by at most `surface_error` and `POSITION_ERROR` of their largest coordinate. Samples
-    so near a point light that their direction is unsure get a leaf with an infinite slack in the first frame: the
-    exact predicate will decide them against every triangle. Returns how many slots were filled, from the first that
-    belongs to tile `start`.
+    Positions are off by at most `error`, and `rounding` is 2**-50 of the largest coordinate. Samples so near a point
+    light that their direction is unsure get a leaf with an infinite slack in the first frame: the exact predicate will
+    decide them against every triangle. Leaves go into slots from `slot` on; returns the next slot, and the next tile,
+    which is not `stop` when the slots before `last` might not have sufficed.
     """
-    directional = light[3] == 0.0
-    count = len(frames)
-    room = count + SPARE
+    room = len(frames) + SPARE
     listed = len(order) > 0
     columns = (width + 3) // 4
-    tile_x, tile_y, tile_q = np.empty(LANES), np.empty(LANES), np.empty(LANES)
-    tile_dx, tile_dq = np.empty(LANES), np.empty(LANES)
-    tile_frame, tile_sample = np.empty(LANES, np.int64), np.empty(LANES, np.int64)
-    chosen = np.empty(LANES, np.bool_)
-    slot = start * room
+    source, place, ids = np.zeros((3, LANES)), np.zeros(3 * LANES, np.float32), np.zeros(2 * LANES, np.int32)
+    # What waits while another frame's samples are stored, and what is stored while the far side of a gap waits.
+    later_source, later_ids = np.empty((3, LANES)), np.empty(2 * LANES, np.int32)
+    near_place, near_ids = np.empty(3 * LANES, np.float32), np.empty(2 * LANES, np.int32)
+    index = np.empty(LANES + 1, np.int64)
+    group, far_side = np.empty(LANES, np.int32), np.empty(LANES, np.bool_)
     for tile in range(start, stop):
+        if slot + room > last:
+            return slot, tile
+        end = slot + room
+        candidates = 0
+        if listed:
+            for lane in range(tile * LANES, (tile + 1) * LANES):
+                index[candidates] = max(order[lane], 0)
+                candidates += order[lane] >= 0 and covered[order[lane]]
+        else:
+            row, column = tile // columns * 4, tile % columns * 4
+            for line in range(row, min(row + 4, height)):
+                for at in range(line * width + column, line * width + min(column + 4, width)):
+                    index[candidates] = at
+                    candidates += covered[at]
         lanes = 0
-        first_row, first_column = tile // columns * 4, tile % columns * 4
-        for lane in range(LANES):
-            if listed:
-                index = np.int64(order[tile * LANES + lane])
-                if index < 0:
-                    continue
-            else:
-                row, column = first_row + (lane >> 2), first_column + (lane & 3)
-                if row >= height or column >= width:
-                    continue
-                index = row * width + column
-            if not covered[index]:
+        for lane in range(candidates):
+            at = index[lane]
+            own = triangle[at]
+            if own >= 0 and side[at] * facing_of[own] < 0:
+                in_shadow[at] = True
                 continue
-            own = triangle[index]
-            if own >= 0 and side[index] * facing[own] < 0:
-                in_shadow[index] = True
-                continue
-            x, y, z = np.float64(position[index, 0]), np.float64(position[index, 1]), np.float64(position[index, 2])
-            largest = max(abs(x), abs(y), abs(z))
-            error = POSITION_ERROR * largest + surface_error if own >= 0 else 0.0
-            frame = 0
-            if not directional:
-                x, y, z = x - light[0], y - light[1], z - light[2]
-                if abs(x) >= abs(y) and abs(x) >= abs(z):
-                    frame = 0 if x >= 0.0 else 1
-                elif abs(y) >= abs(z):
-                    frame = 2 if y >= 0.0 else 3
-                else:
-                    frame = 4 if z >= 0.0 else 5
-            axis = np.int64(frames[frame, AXIS_C])
-            if axis == 0:
-                x, y, z = y, z, x
-            elif axis == 1:
-                x, y, z = z, x, y
-            x0, y0, q0 = frames[frame, X0], frames[frame, Y0], frames[frame, Q0]
-            scale_x, scale_y, scale_q = frames[frame, SCALE_X], frames[frame, SCALE_Y], frames[frame, SCALE_Q]
-            if directional:
-                x, y, q = x - frames[0, SLOPE_A] * z, y - frames[0, SLOPE_B] * z, frames[0, SIGN] * z
-                # Two numbers off by `error` each, and the rounding of this line (float64, slopes at most 1).
-                dx = 2.0 * error + 2.0**-50 * largest
-                dq = error
-            else:
-                z = abs(z)
-                # Rounding of P' itself, where P is exact: 2**-53 of it, so 2**-50 of P and P' is plenty.
-                error += 2.0**-50 * (largest + z)
-                if z <= 1024.0 * error or z * LARGEST_Q <= scale_q:
-                    frame = 0
-                    x, y, q, dx, dq = x0, y0, q0, np.inf, np.inf
-                else:
-                    q = 1.0 / z
-                    x, y = x * q, y * q
-                    # |x| <= 1, and z is sure to a thousandth: (error + |x| error) / z, and error / z**2.
-                    dx = 2.01 * error * q
-                    dq = 1.01 * error * q * q
-            # 2**-50 covers the rounding of the division and of moving into the window.
-            tile_dx[lanes] = max(
-                (dx + 2.0**-50 * (abs(x0) + abs(x))) * scale_x, (dx + 2.0**-50 * (abs(y0) + abs(y))) * scale_y
-            )
-            tile_dq[lanes] = (dq + 2.0**-50 * (abs(q0) + abs(q))) * scale_q
-            tile_x[lanes], tile_y[lanes], tile_q[lanes] = (x - x0) * scale_x, (y - y0) * scale_y, (q - q0) * scale_q
-            tile_frame[lanes], tile_sample[lanes] = frame, index
+            ids[OWN + lanes], ids[SAMPLE + lanes] = own, at
+            for axis in range(3):
+                source[axis, lanes] = position[at, axis]
             lanes += 1
-        while lanes > 0:
-            _choose(tile_x, tile_y, tile_dx, tile_frame, lanes, slot + count + 1 < (tile + 1) * room, chosen)
-            frame = tile_frame[0]
-            filled = 0
-            left = 0
-            slack_x, slack_q = np.float32(0.0), np.float32(0.0)
-            xmin, xmax = np.float32(np.inf), np.float32(-np.inf)
-            ymin, ymax = np.float32(np.inf), np.float32(-np.inf)
-            qmin, qmax = np.float32(np.inf), np.float32(-np.inf)
+        several = False
+        if len(frames) > 1:
             for lane in range(lanes):
-                x, y, q = np.float32(tile_x[lane]), np.float32(tile_y[lane]), np.float32(tile_q[lane])
-                if chosen[lane]:
-                    leaf_x[slot, filled], leaf_y[slot, filled], leaf_q[slot, filled] = x, y, q
-                    leaf_sample[slot, filled] = tile_sample[lane]
-                    leaf_own[slot, filled] = triangle[tile_sample[lane]]
-                    # Rounded up to float32, and 2**-24 of the coordinate for its own rounding (q may exceed 1, and
-                    # below 2**-126 that is up to 2**-150).
-                    slack_x = max(slack_x, np.float32(tile_dx[lane] * 1.000001 + 2.0**-24))
-                    rounding = 2.0**-24 * abs(tile_q[lane]) + 2.0**-149
-                    slack_q = max(slack_q, np.float32(tile_dq[lane] * 1.000001 + rounding))
-                    xmin, xmax = min(xmin, x), max(xmax, x)
-                    ymin, ymax = min(ymin, y), max(ymax, y)
-                    qmin, qmax = min(qmin, q), max(qmax, q)
-                    filled += 1
-                else:
-                    tile_x[left], tile_y[left], tile_q[left] = tile_x[lane], tile_y[lane], tile_q[lane]
-                    tile_dx[left], tile_dq[left] = tile_dx[lane], tile_dq[lane]
-                    tile_frame[left], tile_sample[left] = tile_frame[lane], tile_sample[lane]
-                    left += 1
-            for lane in range(filled, LANES):
-                leaf_x[slot, lane], leaf_y[slot, lane], leaf_q[slot, lane] = (
-                    leaf_x[slot, 0], leaf_y[slot, 0], leaf_q[slot, 0],
-                )  # fmt: skip
-                leaf_sample[slot, lane] = -1
-                leaf_own[slot, lane] = DARK
-            leaf_slack[slot, 0], leaf_slack[slot, 1] = slack_x, slack_q
-            # Boxes are widened a little further, because these differences are rounded as well.
-            wide_x = slack_x + np.float32(2.0**-23)
-            wide_q = slack_q + np.float32(2.0**-23) * max(abs(qmin), abs(qmax))
-            leaf_box[slot, 0], leaf_box[slot, 1] = xmin - wide_x, xmax + wide_x
-            leaf_box[slot, 2], leaf_box[slot, 3] = ymin - wide_x, ymax + wide_x
-            leaf_box[slot, 4], leaf_box[slot, 5] = qmin - wide_q, qmax + wide_q
-            leaf_key[slot] = frame << 40 | _curve(0.5 * (xmin + xmax), 0.5 * (ymin + ymax))
+                x, y, z = source[0, lane] - light[0], source[1, lane] - light[1], source[2, lane] - light[2]
+                group[lane] = _group(x, y, z, frames, error + rounding)
+                several = several or group[lane] != group[0]
+        if lanes == 0:
+            continue
+        waiting = 0
+        if several:
+            waiting = lanes
+            later_source[:], later_ids[:] = source, ids
+        while lanes > 0:
+            now = group[0] if len(frames) > 1 else 0
+            if several:
+                # Those in the first one's frame; the others wait.
+                lanes, left = 0, 0
+                for lane in range(waiting):
+                    if group[lane] == now:
+                        for axis in range(3):
+                            source[axis, lanes] = later_source[axis, lane]
+                        ids[OWN + lanes], ids[SAMPLE + lanes] = later_ids[OWN + lane], later_ids[SAMPLE + lane]
+                        lanes += 1
+                    else:
+                        for axis in range(3):
+                            later_source[axis, left] = later_source[axis, lane]
+                        later_ids[OWN + left], later_ids[SAMPLE + left] = (
+                            later_ids[OWN + lane],
+                            later_ids[SAMPLE + lane],
+                        )
+                        group[left] = group[lane]
+                        left += 1
+                waiting = left
+            frame = np.int64(now)
+            sure = frame != UNSURE
+            if sure:
+                for lane in range(lanes, LANES):
+                    for axis in range(3):
+                        source[axis, lane] = source[axis, 0]
+                _to_frame(source, light, frames[frame], place)
+                slack_x, slack_q = _slack(source, light, frames[frame], error, rounding)
+            else:
+                frame, slack_x, slack_q = 0, np.inf, np.inf
+                place[:] = np.float32(0.0)
+            while sure and slot + len(frames) + 1 < end:
+                xmin, xmax = _bounds(place, X)
+                ymin, ymax = _bounds(place, Y)
+                if (xmax - xmin < gap and ymax - ymin < gap) or not _cut(place, lanes, far_side):
+                    break
+                near, left = 0, 0
+                for lane in range(lanes):
+                    if far_side[lane]:
+                        for axis in range(0, 3 * LANES, LANES):
+                            place[axis + left] = place[axis + lane]
+                        ids[OWN + left], ids[SAMPLE + left] = ids[OWN + lane], ids[SAMPLE + lane]
+                        left += 1
+                    else:
+                        for axis in range(0, 3 * LANES, LANES):
+                            near_place[axis + near] = place[axis + lane]
+                        near_ids[OWN + near], near_ids[SAMPLE + near] = ids[OWN + lane], ids[SAMPLE + lane]
+                        near += 1
+                lanes = left
+                _pad(place, ids, lanes)
+                _put_leaf(
+                    slot, frame, near_place, near_ids, near, slack_x, slack_q, leaf_place, leaf_ids, leaf_box, leaf_key
+                )
+                slot += 1
+            _put_leaf(slot, frame, place, ids, lanes, slack_x, slack_q, leaf_place, leaf_ids, leaf_box, leaf_key)
             slot += 1
-            lanes = left
-    return slot - start * room
+            lanes = waiting
+    return slot, stop

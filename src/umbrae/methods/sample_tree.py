@@ -6,56 +6,58 @@ triangle meets the few nodes around it instead of a long row of tiles across the
 have no camera. Samples whose seen side faces away from the light, and background, are left out (section 3.5).
 """
 
+from itertools import count
+from threading import get_ident
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.clock import Clock
-from umbrae.geometry.morton import morton3
+from umbrae.methods.lanes import LANES, largest, load, smallest
 from umbrae.methods.light_frame import LightFrame
-from umbrae.methods.sample_clusters import LANES, SPARE, cluster_tiles
-from umbrae.parallel import kernel, run
+from umbrae.methods.sample_clusters import SPARE, cluster_tiles
+from umbrae.parallel import kernel, run, thread_count
 from umbrae.samples import ViewSamples
-
-ARITY = 8
-"""Children per node."""
 
 _TILES_PER_TASK = 1024
 
-XMIN, XMAX, YMIN, YMAX, QMIN, QMAX = range(6)
+_REGION = 4096
+"""Slots that a thread takes at a time."""
+
+GAP = 4.0
+"""Tiles narrower than this many times the triangles' mean spacing, were they spread over the window, are not cut."""
 
 
 class Leaves(NamedTuple):
-    """Sample clusters; all arrays have one row per slot, `(n, LANES)` or `(n,)`.
+    """Sample clusters, one row per slot.
 
-    `x, y, q` light-frame coordinates in window units; `own` own triangle, -1 for a free point, `DARK` when decided;
-    `sample` its flat index, -1 for padding; `slack` `(n, 2)` how far x or y, and q, may be off; `box` `(n, 6)` bounds
-    of the lanes including slack; `key` frame number and position on the curve.
+    `place` `(n, 3 LANES)` x, y, q of the lanes in window units; `ids` `(n, 2 LANES)` own triangle, -1 for a free
+    point, `DARK` when decided, and the sample's flat index, -1 for padding; `box` `(n, 8)` bounds of the lanes
+    including slack, then the slack itself: how far x or y, and q, may be off; `key` frame number and position on the
+    curve.
     """
 
-    x: NDArray[np.float32]
-    y: NDArray[np.float32]
-    q: NDArray[np.float32]
-    own: NDArray[np.int32]
-    sample: NDArray[np.int32]
-    slack: NDArray[np.float32]
+    place: NDArray[np.float32]
+    ids: NDArray[np.int32]
     box: NDArray[np.float32]
     key: NDArray[np.int64]
 
 
 class SampleTree(NamedTuple):
-    """Boxes over the leaves of one light frame.
+    """Boxes over the leaves of one light frame, 16 children to a node.
 
-    `box` `(6, nodes) float32`, level after level from the leaves up, each level padded with empty boxes to a multiple
-    of `ARITY`; `level` `(levels + 1,)` where each level starts; `slot` `(leaves,)` the row in `Leaves` of each leaf;
-    `full` `(nodes,) uint8` set when everything below lies in shadow: the hierarchical shadow buffer.
+    A group is the children of one node. `box` `(groups, 6 LANES)` their xmin, xmax, ymin, ymax, qmin, qmax, for all 16
+    each, empty where there is none; `full` `(groups, LANES)` set when everything below lies in shadow, or nothing is:
+    the hierarchical shadow buffer; `level` `(levels,)` where the groups of each level start, those of the leaves first,
+    the last being the root alone; `slot` `(leaves,)` the row in `Leaves` of each leaf. Node n of a level has its flag
+    and box in group n // 16 of that level, and its children in group n of the level below.
     """
 
     box: NDArray[np.float32]
+    full: NDArray[np.uint8]
     level: NDArray[np.int64]
     slot: NDArray[np.int32]
-    full: NDArray[np.uint8]
 
 
 def build(
@@ -63,88 +65,129 @@ def build(
     facing: NDArray[np.int8],
     light: NDArray[np.float64],
     frames: list[LightFrame],
-    surface_error: float,
+    limits: tuple[float, float],
     in_shadow: NDArray[np.bool_],
+    spare: list[Leaves],
     clock: Clock | None,
 ) -> tuple[Leaves, list[SampleTree | None]]:
     """Cluster the samples and build one tree per frame (None where a frame has no samples).
 
-    Samples that their own triangle shades are set in `in_shadow` (flat) and left out. `surface_error` is said in
-    `light_frame.surface_error`.
+    Samples that their own triangle shades are set in `in_shadow` (flat) and left out. `facing` `(t,)` is the side of
+    each triangle that the light is on; `limits` are `error` and `rounding` of `cluster_tiles`; `spare` may hold memory
+    of an earlier call.
     """
     height, width, order = _layout(samples)
     tiles = len(order) // LANES if len(order) else (-(-height // 4)) * (-(-width // 4))
     room = len(frames) + SPARE
-    leaves = Leaves(
-        x=np.empty((tiles * room, LANES), np.float32),
-        y=np.empty((tiles * room, LANES), np.float32),
-        q=np.empty((tiles * room, LANES), np.float32),
-        own=np.empty((tiles * room, LANES), np.int32),
-        sample=np.empty((tiles * room, LANES), np.int32),
-        slack=np.empty((tiles * room, 2), np.float32),
-        box=np.empty((tiles * room, 6), np.float32),
-        key=np.empty(tiles * room, np.int64),
-    )
+    leaves = _reserve(tiles * room + thread_count() * _REGION, spare)
     table = np.array([frame.row() for frame in frames])
+    gap = np.float32(GAP / np.sqrt(len(facing)))
     raw = (
         samples.triangle.reshape(-1),
         samples.side.reshape(-1),
         samples.position.reshape(-1, 3),
         samples.covered.reshape(-1),
     )
+    regions = count(0, _REGION)
+    own: dict[int, tuple[int, int]] = {}
 
-    def task(number: int) -> NDArray[np.int64]:
-        start, stop = number * _TILES_PER_TASK, min((number + 1) * _TILES_PER_TASK, tiles)
-        used = cluster_tiles(
-            *raw, facing, light, table, surface_error, height, width, order, start, stop, *leaves, in_shadow
-        )
-        return np.arange(start * room, start * room + used)
+    def task(number: int) -> list[NDArray[np.int64]]:
+        tile, stop = number * _TILES_PER_TASK, min((number + 1) * _TILES_PER_TASK, tiles)
+        used = []
+        slot, last = own.get(get_ident(), (0, 0))
+        while tile < stop:
+            first = slot
+            slot, tile = cluster_tiles(
+                *raw, facing, light, table, *limits, gap, height, width, order, tile, stop, slot, last, *leaves,
+                in_shadow,
+            )  # fmt: skip
+            used.append(np.arange(first, slot))
+            if tile < stop:
+                slot = next(regions)
+                last = slot + _REGION
+        own[get_ident()] = slot, last
+        return used
 
-    used = np.concatenate(run(task, -(-tiles // _TILES_PER_TASK), clock))
-    keys = leaves.key[used]
-    ranked = np.argsort(keys, kind="stable")
-    slots, keys = used[ranked].astype(np.int32), keys[ranked]
-    ends = np.searchsorted(keys, np.arange(len(frames) + 1) << 40)
-    return leaves, [
-        _tree(leaves.box, slots[ends[k] : ends[k + 1]]) if ends[k] < ends[k + 1] else None for k in range(len(frames))
-    ]
+    used = np.concatenate([part for parts in run(task, -(-tiles // _TILES_PER_TASK), clock) for part in parts])
+    bits = max(2, (len(used) // len(frames)).bit_length() // 2 * 2)
+    sorted_slots, ends = np.empty(len(used), np.int32), np.zeros((len(frames) << bits) + 1, np.int64)
+    sort_leaves(used, leaves.key, 32 - bits, sorted_slots, ends)
+    of_frames = np.split(sorted_slots, ends[1 << bits : -1 : 1 << bits])
+    return leaves, [_tree(leaves.box, slots) if len(slots) else None for slots in of_frames]
+
+
+def _reserve(slots: int, spare: list[Leaves]) -> Leaves:
+    """Address space for the worst case: slots are handed out from the front, so only what is used takes memory."""
+    while spare:
+        leaves = spare.pop()
+        if len(leaves.key) >= slots:
+            return leaves
+    return Leaves(
+        place=np.empty((slots, 3 * LANES), np.float32),
+        ids=np.empty((slots, 2 * LANES), np.int32),
+        box=np.empty((slots, 8), np.float32),
+        key=np.empty(slots, np.int64),
+    )
+
+
+@kernel
+def sort_leaves(used, keys, shift, slots, ends):
+    """Order slots by frame and place on the curve, less its last `shift` bits, by counting.
+
+    Leaves with key `k << shift` then stand in `slots[ends[k]:ends[k + 1]]`.
+    """
+    for slot in used:
+        ends[(keys[slot] >> shift) + 1] += 1
+    for place in range(1, len(ends)):
+        ends[place] += ends[place - 1]
+    at = ends.copy()
+    for slot in used:
+        place = keys[slot] >> shift
+        slots[at[place]] = slot
+        at[place] += 1
 
 
 def _layout(samples: ViewSamples) -> tuple[int, int, NDArray[np.int32]]:
     """Rows and columns of an image, or a list's order (padded with -1 to whole clusters) along a curve in space."""
     if len(samples.shape) >= 2 and samples.camera is not None:
         return samples.shape[0], samples.size // max(1, samples.shape[0]), np.zeros(0, np.int32)
-    order = np.argsort(morton3(samples.position.reshape(-1, 3).astype(np.float64)), kind="stable")
     padded = np.full(-(-samples.size // LANES) * LANES, -1, np.int32)
-    padded[: samples.size] = order
+    padded[: samples.size] = samples.along_curve
     return 1, samples.size, padded
 
 
 def _tree(boxes: NDArray[np.float32], slots: NDArray[np.int32]) -> SampleTree:
-    sizes = [len(slots)]
+    """The boxes above the leaves in `slots`, whose own are rows of `boxes`."""
+    sizes = [-(-len(slots) // LANES)]
     while sizes[-1] > 1:
-        sizes.append(-(-sizes[-1] // ARITY))
-    level = np.zeros(len(sizes) + 1, np.int64)
-    level[1:] = np.cumsum([-(-size // ARITY) * ARITY for size in sizes])
-    box = np.empty((6, level[-1]), np.float32)
-    box[:3:2] = np.inf
-    box[QMIN] = np.inf
-    box[1:4:2] = -np.inf
-    box[QMAX] = -np.inf
-    pull_up(boxes, slots, level, box)
-    return SampleTree(box, level, slots, np.zeros(level[-1], np.uint8))
+        sizes.append(-(-sizes[-1] // LANES))
+    level = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+    box = np.empty((level[-1] + 1, 6 * LANES), np.float32)
+    full = np.empty((level[-1] + 1, LANES), np.uint8)
+    pull_up(boxes, slots, level, box, full)
+    return SampleTree(box, full, level, slots)
 
 
 @kernel
-def pull_up(leaf_box, slots, level, box):
+def pull_up(leaf_box, slots, level, box, full):
     """Fill the boxes of all levels from the leaves' own."""
-    for i in range(len(slots)):
-        for part in range(6):
-            box[part, i] = leaf_box[slots[i], part]
-    for depth in range(1, len(level) - 1):
-        below, here = level[depth - 1], level[depth]
-        for child in range(level[depth] - below):
-            node = here + child // ARITY
-            for part in range(0, 6, 2):
-                box[part, node] = min(box[part, node], box[part, below + child])
-                box[part + 1, node] = max(box[part + 1, node], box[part + 1, below + child])
+    low, high = np.float32(np.inf), np.float32(-np.inf)
+    for depth in range(len(level)):
+        here = level[depth]
+        stop = level[depth + 1] if depth + 1 < len(level) else here + 1
+        below = len(slots) if depth == 0 else here - level[depth - 1]
+        for group in range(here, stop):
+            for child in range(LANES):
+                number = (group - here) * LANES + child
+                full[group, child] = number >= below
+                for part in range(0, 6, 2):
+                    least, most = low, high
+                    if number < below:
+                        if depth == 0:
+                            least, most = leaf_box[slots[number], part], leaf_box[slots[number], part + 1]
+                        else:
+                            node = level[depth - 1] + number
+                            least = smallest(load(box, node, part * LANES))
+                            most = largest(load(box, node, (part + 1) * LANES))
+                    box[group, part * LANES + child] = least
+                    box[group, (part + 1) * LANES + child] = most
