@@ -7,9 +7,9 @@ progress and can be interrupted between tasks.
 
 import os
 from collections.abc import Callable
-from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import lru_cache
-from threading import Lock, current_thread
+from threading import Lock, local
 from typing import Any
 
 from numba import njit
@@ -61,62 +61,67 @@ def thread_count() -> int:
     return os.cpu_count() or 1
 
 
-_NAME = "umbrae"
-
-
 @lru_cache(maxsize=4)
 def _pool(threads: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(threads, thread_name_prefix=_NAME)
+    return ThreadPoolExecutor(threads, thread_name_prefix="umbrae")
 
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked child has no threads but the one that forked
 
 
+class _Here(local):
+    """Of the current thread: whether it is working on a task."""
+
+    busy = False
+
+
+_here = _Here()
+
+
 def run(task: Callable[[int], Any], count: int, clock: Clock | None = None) -> list[Any]:
     """Call `task(0) … task(count - 1)` from all threads, in order of the index, and return the results in order.
 
-    An exception, or an interruption of the calling thread, stops the queue: tasks under way finish, no new one starts.
-    Progress is reported to `clock` from the calling thread.
+    The calling thread works too, and reports progress to `clock`. An exception, or an interruption of the calling
+    thread, stops the queue: tasks under way finish, no new one starts. A task that calls `run` goes on alone: all
+    threads are taken, some perhaps by tasks that wait for this one.
     """
     results: list[Any] = [None] * count
-    threads = min(thread_count(), count)
-    # A task that calls `run` goes on alone: all threads are taken, some perhaps by tasks that wait for this one.
-    if threads <= 1 or current_thread().name.startswith(_NAME):
-        for index in range(count):
-            results[index] = task(index)
-            if clock is not None:
-                clock.advance(index + 1, count)
-        return results
-
     lock = Lock()
     next_index = 0
     finished = 0
     stopped = False
 
-    def worker() -> None:
-        nonlocal next_index, finished
-        while not stopped:
-            with lock:
-                index = next_index
-                next_index += 1
-            if index >= count:
-                return
-            results[index] = task(index)
-            with lock:
-                finished += 1
+    def worker(clock: Clock | None = None) -> None:
+        nonlocal next_index, finished, stopped
+        nested, _here.busy = _here.busy, True
+        try:
+            while not stopped:
+                with lock:
+                    index = next_index
+                    next_index += 1
+                if index >= count:
+                    return
+                results[index] = task(index)
+                with lock:
+                    finished += 1
+                if clock is not None:
+                    clock.advance(finished, count)
+        except BaseException:
+            stopped = True
+            raise
+        finally:
+            _here.busy = nested
 
-    pending: set[Future[None]] = set()
+    helpers = 0 if _here.busy else min(thread_count(), count) - 1
+    pending = [_pool(helpers).submit(worker) for _ in range(helpers)]
     try:
-        for _ in range(threads):
-            pending.add(_pool(threads).submit(worker))
-        while pending:
-            done, pending = wait(pending, timeout=0.1, return_when=FIRST_EXCEPTION)
-            for future in done:
-                future.result()
-            if clock is not None:
-                clock.advance(finished, count)
+        worker(clock)
+        for future in pending:
+            future.result()
     finally:
         stopped = True
         wait(pending)
+    if clock is not None and helpers > 0:
+        clock.advance(count, count)
     return results

@@ -190,7 +190,7 @@ def surface_positions(
     scene: Scene, triangle: NDArray[np.int32], barycentric: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """`A + u (B - A) + v (C - A)` in float64, rounded to float32."""
-    corners = scene.positions.astype(np.float64)[scene.triangles[triangle]]
+    corners = scene.positions[scene.triangles[triangle]].astype(np.float64)
     u, v = barycentric[..., :1].astype(np.float64), barycentric[..., 1:].astype(np.float64)
     a, b, c = corners[..., 0, :], corners[..., 1, :], corners[..., 2, :]
     return (a + u * (b - a) + v * (c - a)).astype(np.float32)

@@ -192,6 +192,16 @@ def _put_leaf(slot, frame, place, ids, lanes, slack_x, slack_q, leaf_place, leaf
     leaf_key[slot] = frame << 32 | _curve(half * (xmin + xmax), half * (ymin + ymax))
 
 
+@expand
+def _cover_columns(covered, row, stop, width, seen):
+    """Which columns of a row of tiles hold any sample."""
+    seen[:] = False
+    for line in range(row, stop):
+        above = covered[line * width : (line + 1) * width]
+        for column in range(width):
+            seen[column] |= above[column]
+
+
 @kernel
 def cluster_tiles(
     triangle, side, position, covered, facing_of, light, frames, error, rounding, gap,
@@ -211,7 +221,7 @@ def cluster_tiles(
     # What waits while another frame's samples are stored, and what is stored while the far side of a gap waits.
     later_source, later_ids = np.empty((3, LANES)), np.empty(2 * LANES, np.int32)
     near_place, near_ids = np.empty(3 * LANES, np.float32), np.empty(2 * LANES, np.int32)
-    index = np.empty(LANES + 1, np.int64)
+    index, seen = np.empty(LANES + 1, np.int64), np.zeros(width + 3, np.bool_)
     group, far_side = np.empty(LANES, np.int32), np.empty(LANES, np.bool_)
     for tile in range(start, stop):
         if slot + room > last:
@@ -224,6 +234,10 @@ def cluster_tiles(
                 candidates += order[lane] >= 0 and covered[order[lane]]
         else:
             row, column = tile // columns * 4, tile % columns * 4
+            if column == 0 or tile == start:
+                _cover_columns(covered, row, min(row + 4, height), width, seen)
+            if not (seen[column] | seen[column + 1] | seen[column + 2] | seen[column + 3]):
+                continue
             for line in range(row, min(row + 4, height)):
                 for at in range(line * width + column, line * width + min(column + 4, width)):
                     index[candidates] = at

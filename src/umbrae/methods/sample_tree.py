@@ -22,6 +22,8 @@ from umbrae.samples import ViewSamples
 
 _TILES_PER_TASK = 1024
 
+_GROUPS_PER_TASK = 512
+
 _REGION = 4096
 """Slots that a thread takes at a time."""
 
@@ -164,30 +166,32 @@ def _tree(boxes: NDArray[np.float32], slots: NDArray[np.int32]) -> SampleTree:
     level = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
     box = np.empty((level[-1] + 1, 6 * LANES), np.float32)
     full = np.empty((level[-1] + 1, LANES), np.uint8)
-    pull_up(boxes, slots, level, box, full)
+
+    def task(number: int) -> None:
+        pull_up(
+            boxes, slots, level, 0, number * _GROUPS_PER_TASK, min((number + 1) * _GROUPS_PER_TASK, sizes[0]), box, full
+        )
+
+    run(task, -(-sizes[0] // _GROUPS_PER_TASK))
+    for depth, size in enumerate([*sizes[1:], 1], 1):
+        pull_up(boxes, slots, level, depth, 0, size, box, full)
     return SampleTree(box, full, level, slots)
 
 
 @kernel
-def pull_up(leaf_box, slots, level, box, full):
-    """Fill the boxes of all levels from the leaves' own."""
-    low, high = np.float32(np.inf), np.float32(-np.inf)
-    for depth in range(len(level)):
-        here = level[depth]
-        stop = level[depth + 1] if depth + 1 < len(level) else here + 1
-        below = len(slots) if depth == 0 else here - level[depth - 1]
-        for group in range(here, stop):
-            for child in range(LANES):
-                number = (group - here) * LANES + child
-                full[group, child] = number >= below
-                for part in range(0, 6, 2):
-                    least, most = low, high
-                    if number < below:
-                        if depth == 0:
-                            least, most = leaf_box[slots[number], part], leaf_box[slots[number], part + 1]
-                        else:
-                            node = level[depth - 1] + number
-                            least = smallest(load(box, node, part * LANES))
-                            most = largest(load(box, node, (part + 1) * LANES))
-                    box[group, part * LANES + child] = least
-                    box[group, (part + 1) * LANES + child] = most
+def pull_up(leaf_box, slots, level, depth, start, stop, box, full):
+    """Fill the boxes of groups `start` to `stop` of a level from what is below: the leaves' own, or another level's."""
+    below = len(slots) if depth == 0 else level[depth] - level[depth - 1]
+    for group in range(level[depth] + start, level[depth] + stop):
+        for child in range(LANES):
+            number = (group - level[depth]) * LANES + child
+            full[group, child] = number >= below
+            for part in range(0, 6, 2):
+                least, most = np.float32(np.inf), np.float32(-np.inf)
+                if number < below and depth == 0:
+                    least, most = leaf_box[slots[number], part], leaf_box[slots[number], part + 1]
+                elif number < below:
+                    node = level[depth - 1] + number
+                    least, most = smallest(load(box, node, part * LANES)), largest(load(box, node, (part + 1) * LANES))
+                box[group, part * LANES + child] = least
+                box[group, (part + 1) * LANES + child] = most
