@@ -1,4 +1,30 @@
-"""Set-up of a cluster of 16 triangles."""
+"""Triangle set-up: bounds, facing and the four planes of a cluster of 16 shadow frusta in a light frame.
+
+Loops over the lanes are written so that LLVM makes vector code of them: no branches, no calls that stay calls, arrays
+indexed by whole rows and a constant plus the lane.
+
+A plane that vanishes at the light reads a x + b y + c in the frame, the triangle's own plane a x + b y + c + d q (see
+`light_frame`); all are oriented so that a sample in shadow has positive values. Let N = (w V0 - l) x (V1 - V0) be a
+side plane's normal and n the triangle's. Then, with P = (x, y, ...) in window units X = x0 + hx x and so on:
+
+    point light:        N . P' / Z = N_a X + N_b Y + g N_c              n . (P - V0) / Z = n_a X + n_b Y + g n_c + F Q
+    directional light:  N . (P - V0) = N_a X + N_b Y - N . V0           n . (P - V0) = n_a X + n_b Y - n . V0 + F Q
+
+with F = n . (l - w V0), over |l_c| for a directional light, and N . V0 there also being N_a X(V0) + N_b Y(V0).
+
+Errors. N and n come from float64 differences and products: each component is off by less than 2**-50 of its
+permanent m (two products of two factors with one rounding each; hence edges are differences of positions, not of
+positions relative to the light, which are rounded already). The value of the plane anywhere in the window is therefore
+off by at most 2**-49 (m_a |X| + m_b |Y| + m_c |1| + |Q| m_F) with the magnitudes of V0 added to |X|, |Y| for a
+directional light, 2**-49 instead of 2**-50 for the sums. Dividing a plane by |a| + |b| + |c| makes this the `bound`
+of the row; `FLOAT_ERROR` covers rounding the coefficients to float32 (2**-24 each) and evaluating up to four terms in
+float32 (2**-24 for each product and sum, at most 4 on a path): 5.01 * 2**-24 of |a| + |b| + |c| + |d q|, as |x|,
+|y| <= 1. The part that grows with q, which is not bounded by its window near a point light, has a bound per unit of q.
+Multiplying by a rounded reciprocal instead of dividing adds 2**-53, which all of these margins hold many times over.
+
+Range. d is kept below `LARGEST_D` by dividing by more than |a| + |b| + |c| where need be, and |q| stays below
+`sample_clusters.LARGEST_Q`: their product is a float32 number.
+"""
 
 import numpy as np
 
@@ -8,12 +34,15 @@ from umbrae.parallel import expand, inline
 FLOAT_ERROR = 6.0 * 2.0**-24
 
 ROW = 16
-"""Numbers per frustum: 3 x (a, b, c), then a, b, c, d, then three bounds."""
+"""Numbers per frustum: 3 x (a, b, c), then a, b, c, d, then three bounds.
+
+Those of the sides, of the triangle's plane where q = 0, and what is added to the latter per unit of |q|.
+"""
 
 BOUND_SIDES, BOUND_PLANE, BOUND_Q = 13, 14, 15
 
 PLANES = ROW * LANES
-"""Numbers per cluster: those of its frusta, each number for all lanes before the next."""
+"""Numbers per cluster: one of all lanes, then the next."""
 
 RECT_XMIN, RECT_XMAX, RECT_YMIN, RECT_YMAX, RECT_QMAX = range(5)
 
@@ -67,8 +96,10 @@ def side_of_light(corners, cluster, light, side):
 
 @inline
 def bound_frusta(corners, cluster, light, frame, rects, k):
-    """Bounds of 16 frusta in the frame: `rects[k]`; infinite where a vertex lies behind the frame,
-    empty where all do.
+    """Bounds of 16 frusta in the frame, `rects[k]`: infinite where a vertex lies behind it, empty where all do.
+
+    2**-50 of the coordinates and of the window's place covers the float64 roundings, 2**-22 that to float32. Empty
+    bounds (inf to -inf) still meet the infinite box around samples of unsure direction, as they must.
     """
     axis_a, axis_b, axis_c = frame.axis_a, frame.axis_b, frame.axis_c
     la, lb, lc = light[axis_a], light[axis_b], light[axis_c]
