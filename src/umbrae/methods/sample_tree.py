@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.clock import Clock
+from umbrae.methods.counting_sort import sort_by_key
 from umbrae.methods.lanes import LANES, largest, load, smallest
 from umbrae.methods.light_frame import LightFrame
 from umbrae.methods.sample_clusters import SPARE, cluster_tiles
@@ -93,7 +94,7 @@ def build(
     regions = count(0, _REGION)
     own: dict[int, tuple[int, int]] = {}
 
-    def task(number: int) -> list[NDArray[np.int64]]:
+    def task(number: int) -> list[NDArray[np.int32]]:
         tile, stop = number * _TILES_PER_TASK, min((number + 1) * _TILES_PER_TASK, tiles)
         used = []
         slot, last = own.get(get_ident(), (0, 0))
@@ -103,7 +104,7 @@ def build(
                 *raw, facing, light, table, *limits, gap, height, width, order, tile, stop, slot, last, *leaves,
                 in_shadow,
             )  # fmt: skip
-            used.append(np.arange(first, slot))
+            used.append(np.arange(first, slot, dtype=np.int32))
             if tile < stop:
                 slot = next(regions)
                 last = slot + _REGION
@@ -112,8 +113,8 @@ def build(
 
     used = np.concatenate([part for parts in run(task, -(-tiles // _TILES_PER_TASK), clock) for part in parts])
     bits = max(2, (len(used) // len(frames)).bit_length() // 2 * 2)
-    sorted_slots, ends = np.empty(len(used), np.int32), np.zeros((len(frames) << bits) + 1, np.int64)
-    sort_leaves(used, leaves.key, 32 - bits, sorted_slots, ends)
+    sorted_slots, ends = np.empty(len(used), np.int32), np.zeros((len(frames) << bits) + 1, np.int32)
+    sort_by_key(used, leaves.key, 32 - bits, sorted_slots, ends)
     of_frames = np.split(sorted_slots, ends[1 << bits : -1 : 1 << bits])
     return leaves, [_tree(leaves.box, slots) if len(slots) else None for slots in of_frames]
 
@@ -130,23 +131,6 @@ def _reserve(slots: int, spare: list[Leaves]) -> Leaves:
         box=np.empty((slots, 8), np.float32),
         key=np.empty(slots, np.int64),
     )
-
-
-@kernel
-def sort_leaves(used, keys, shift, slots, ends):
-    """Order slots by frame and place on the curve, less its last `shift` bits, by counting.
-
-    Leaves with key `k << shift` then stand in `slots[ends[k]:ends[k + 1]]`.
-    """
-    for slot in used:
-        ends[(keys[slot] >> shift) + 1] += 1
-    for place in range(1, len(ends)):
-        ends[place] += ends[place - 1]
-    at = ends.copy()
-    for slot in used:
-        place = keys[slot] >> shift
-        slots[at[place]] = slot
-        at[place] += 1
 
 
 def _layout(samples: ViewSamples) -> tuple[int, int, NDArray[np.int32]]:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from umbrae.clock import Clock
 from umbrae.geometry.predicates import facing
+from umbrae.methods.counting_sort import sort_by_key
 from umbrae.methods.frustum_setup import side_of_light
 from umbrae.methods.lanes import LANES
 from umbrae.parallel import expand, kernel, run
@@ -48,8 +49,10 @@ def cluster_triangles(scene: Scene, clock: Clock | None) -> TriangleClusters:
             curve_keys(corners, count, bounds[0], scale, chunk * _CHUNK, min((chunk + 1) * _CHUNK, clusters), keys)
 
         run(place, -(-clusters // _CHUNK), clock)
-        keys.sort()
-        order = (keys & 0xFFFFFFFF).astype(np.int32)
+        bits = min(30, count.bit_length() + 1)
+        along = np.empty(count, np.int32)
+        sort_by_key(order, keys, 30 - bits, along, np.zeros((1 << bits) + 1, np.int32))
+        order = along
         _gather(scene, order, corners, clock)
     return TriangleClusters(corners, order, bounds)
 
@@ -125,7 +128,7 @@ def extents_along(corners, cluster, axis):
 
 @kernel
 def curve_keys(corners, count, origin, scale, start, stop, keys):
-    """Place of each triangle's first corner along a Morton curve, with the triangle's number in the lower bits."""
+    """Place of each triangle's first corner along a Morton curve over 1024 cells each way."""
     for t in range(start * LANES, min(stop * LANES, count)):
         key = np.int64(0)
         for axis in range(3):
@@ -134,7 +137,7 @@ def curve_keys(corners, count, origin, scale, start, stop, keys):
             cell = (cell | cell << 8) & 0x0300F00F
             cell = (cell | cell << 4) & 0x030C30C3
             key |= ((cell | cell << 2) & 0x09249249) << axis
-        keys[t] = key << 32 | t
+        keys[t] = key
 
 
 @kernel
