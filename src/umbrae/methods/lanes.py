@@ -10,7 +10,7 @@ import operator
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, models, overload, register_model
+from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
 LANES = 16
 """Samples per leaf, and triangles per cluster."""
@@ -109,54 +109,48 @@ smallest, largest = _reduction("fmin"), _reduction("fmax")
 """The smallest and the largest of the lanes."""
 
 
-@intrinsic
-def _absolute(typing_context, value):
-    def build(context, builder, signature, args):
-        name = f"llvm.fabs.v{LANES}f32"
-        function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_vector, [_vector]), name)
-        return builder.call(function, args)
+def _define(symbol, result, emit):
+    """Give an operator a meaning for lanes with lanes, and with one float32 for all."""
 
-    return _lanes(_lanes), build
+    @type_callable(symbol)
+    def type_operator(context):
+        def typer(a, b):
+            return result if a == _lanes and b in (_lanes, types.float32) else None
 
+        return typer
 
-def _arithmetic(name):
-    @intrinsic
-    def operation(typing_context, a, b):
-        return _lanes(_lanes, _lanes), lambda context, builder, signature, args: getattr(builder, name)(*args)
+    @lower_builtin(symbol, _lanes, _lanes)
+    def with_lanes(context, builder, signature, args):
+        return emit(builder, *args)
 
-    return operation
-
-
-def _comparison(symbol):
-    @intrinsic
-    def operation(typing_context, a, b):
-        def build(context, builder, signature, args):
-            return _bits(builder, builder.fcmp_ordered(symbol, *args))
-
-        return types.int32(_lanes, _lanes), build
-
-    return operation
+    @lower_builtin(symbol, _lanes, types.float32)
+    def with_number(context, builder, signature, args):
+        return emit(builder, args[0], _spread(builder, args[1]))
 
 
-def _define(symbol, operation):
-    @overload(symbol)
-    def both(a, b):
-        if a == _lanes and b == _lanes:
-            return lambda a, b: operation(a, b)
-        if a == _lanes and b == types.float32:
-            return lambda a, b: operation(a, splat(b))
-        return None
+def _comparison(sign):
+    return lambda builder, a, b: _bits(builder, builder.fcmp_ordered(sign, a, b))
 
 
-for _symbol, _name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
-    _define(_symbol, _arithmetic(_name))
-for _symbol, _sign in ((operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">=")):
-    _define(_symbol, _comparison(_sign))
+_define(operator.add, _lanes, lambda builder, a, b: builder.fadd(a, b))
+_define(operator.sub, _lanes, lambda builder, a, b: builder.fsub(a, b))
+_define(operator.mul, _lanes, lambda builder, a, b: builder.fmul(a, b))
+_define(operator.lt, types.int32, _comparison("<"))
+_define(operator.le, types.int32, _comparison("<="))
+_define(operator.gt, types.int32, _comparison(">"))
+_define(operator.ge, types.int32, _comparison(">="))
 
 
-@overload(abs)
-def _abs(value):
-    return (lambda value: _absolute(value)) if value == _lanes else None
+@type_callable(abs)
+def _type_abs(context):
+    return lambda value: _lanes if value == _lanes else None
+
+
+@lower_builtin(abs, _lanes)
+def _lower_abs(context, builder, signature, args):
+    name = f"llvm.fabs.v{LANES}f32"
+    function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_vector, [_vector]), name)
+    return builder.call(function, args)
 
 
 @intrinsic
