@@ -1,13 +1,14 @@
 """`umbrae bench`: arguments in, benchmarks carried out, tables and JSON out."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
-from umbrae import arguments, files
+from umbrae import arguments, files, models
 from umbrae.bench import table
 from umbrae.bench.bars import bars
 from umbrae.bench.benchmark import Benchmark
@@ -17,6 +18,9 @@ from umbrae.bench.flythrough import FlyThrough
 from umbrae.bench.record import Record
 from umbrae.bench.runner import exact_methods
 from umbrae.bench.scenes import FULL, QUICK, SCENES, default_folder
+from umbrae.bench.sun import pick_sensors, run_sun
+from umbrae.bench.sun_record import SunRecord
+from umbrae.bench.tregenza import PATCHES, patches
 from umbrae.camera import MAX_SIDE_PX
 from umbrae.clock import Clock
 from umbrae.console import ConsoleClock, note
@@ -28,8 +32,14 @@ from umbrae.warmup import compile_kernels
 app = typer.Typer(rich_markup_mode=None)
 """The commands below `umbrae bench`."""
 
+Models = Annotated[
+    Path | None,
+    typer.Option("--models", envvar="UMBRAE_MODELS", metavar="DIR", help="Where the models of the scenes lie."),
+]
 CHECK_SCENE, CHECK_SIZE, CHECK_RUNS, CHECK_SAMPLES = "spheres-96k", (1920, 1080), 5, 5_000
 """What `umbrae bench check` measures."""
+SUN_CHECKED = 20_000
+"""Verdicts of `umbrae bench sun` that are compared with the oracle, for each method."""
 
 
 @app.command()
@@ -49,10 +59,7 @@ def rays(
     path: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Key frames (CSV) to fly along, one frame a run.")
     ] = None,
-    folder: Annotated[
-        Path | None,
-        typer.Option("--models", envvar="UMBRAE_MODELS", metavar="DIR", help="Where the models of the scenes lie."),
-    ] = None,
+    folder: Models = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file to write.")] = None,
     resume: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Go on with an interrupted run, given the same options.")
@@ -63,8 +70,6 @@ def rays(
     """Measure exact shadows beside rays by Embree; exit status 1 if a guarantee is broken."""
     if output is not None and resume is not None:
         raise OptionError("--resume goes on writing its own file: leave --output out")
-    if folder is not None and not folder.is_dir():
-        raise OptionError(f"--models: {folder} is not a folder")
     benchmark = Benchmark(
         scenes=_scenes(scene, full),
         lights=_lights(light),
@@ -72,7 +77,7 @@ def rays(
         runs=runs or (11 if full else 5),
         checked=check or (100_000 if full else 20_000),
         runners=[*exact_methods(), MitsubaRunner(), EmbreexRunner()],
-        models=folder or default_folder(),
+        models=_models(folder),
         path=FlyThrough.load(path) if path is not None else None,
     )
     if benchmark.path is not None and len(benchmark.scenes) != 1:
@@ -82,6 +87,45 @@ def rays(
         print(json.dumps(record.as_dict()))
     else:
         table.show(record, Console(highlight=False))
+    if record.broken:
+        raise typer.Exit(1)
+
+
+@app.command()
+def sun(
+    scene: Annotated[str, typer.Option(metavar="NAME", help=f"One of {', '.join(SCENES)}.")] = "city",
+    sensors: Annotated[int, typer.Option(min=1, metavar="N", help="Picked from a grid over the faces.")] = 500_000,
+    suns: Annotated[
+        int, typer.Option(min=1, max=PATCHES, metavar="N", help="Centres of Tregenza's sky patches.")
+    ] = PATCHES,
+    folder: Models = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file to write.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure many sensors under many suns beside rays by Embree; exit status 1 if a guarantee is broken."""
+    clock = Clock() if as_json or quiet else ConsoleClock()
+    (name,) = _scenes([scene], False)
+    models_folder = _models(folder)
+    if output is not None:
+        files.check_writable(output, (".json",))
+    runners = [*exact_methods(), MitsubaRunner(), EmbreexRunner()]
+    with clock.span(f"load {name}"):
+        loaded = SCENES[name].load(models_folder)
+    with clock.span("sensors"):
+        picked = pick_sensors(loaded, sensors)
+    compile_kernels([METHODS[runner.name]() for runner in runners if runner.name in METHODS], 1, clock)
+    with clock.span("warm up"):
+        tiny = models.spheres((2, 2), 100)
+        run_sun(tiny, pick_sensors(tiny, 200), patches(1), runners, 1, Clock())
+    record = SunRecord.of(name, len(loaded.triangles), picked.size, suns)
+    record = replace(record, runs=run_sun(loaded, picked, patches(suns), runners, SUN_CHECKED, clock))
+    if output is not None:
+        record.save(output)
+    if as_json:
+        print(json.dumps(record.as_dict()))
+    else:
+        record.show(Console(highlight=False))
     if record.broken:
         raise typer.Exit(1)
 
@@ -129,6 +173,12 @@ def _carry_out(benchmark: Benchmark, output: Path | None, resume: Path | None, c
         if file is not None and record.cases:
             note(f"finished cases are kept ({len(record.cases)}): go on with --resume {file}")
         raise
+
+
+def _models(folder: Path | None) -> Path | None:
+    if folder is not None and not folder.is_dir():
+        raise OptionError(f"--models: {folder} is not a folder")
+    return folder or default_folder()
 
 
 def _scenes(names: list[str], full: bool) -> list[str]:

@@ -86,12 +86,12 @@ class _Track:
         warm = 0.0
         if self.prepared:
             runner.set_samples(samples)
-            warm, answer = _timed(lambda: runner.shadow(light, Clock()))
+            warm, answer = stopwatch(lambda: runner.shadow(light, Clock()))
             masks.append(runner.mask(answer))
         runner.set_geometry(_copy(scene))
         runner.set_samples(samples)
-        build, _ = _timed(lambda: runner.prepare(clock))
-        trace, answer = _timed(lambda: runner.shadow(light, clock))
+        build, _ = stopwatch(lambda: runner.prepare(clock))
+        trace, answer = stopwatch(lambda: runner.shadow(light, clock))
         masks.append(runner.mask(answer))
         self.prepared = True
         if timed:
@@ -146,7 +146,7 @@ def _copy(scene: Scene) -> Scene:
     return Scene(scene.positions, scene.triangles, scene.materials, scene.material_id)
 
 
-def _timed(work: Callable[[], Result]) -> tuple[float, Result]:
+def stopwatch(work: Callable[[], Result]) -> tuple[float, Result]:
     """Seconds and result; garbage is not collected meanwhile, as in `timeit`."""
     collects = gc.isenabled()
     gc.disable()

@@ -1,79 +1,142 @@
-"""Hours of sun on many sensors, beside a plain loop over Embree."""
+"""Many sensors under many suns: exact shadows beside a plain loop over Embree."""
 
-import time
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from umbrae.bench.measure import stopwatch
 from umbrae.bench.runner import Runner
+from umbrae.bench.sun_record import SunRun
 from umbrae.clock import Clock
+from umbrae.light import Light
+from umbrae.mask import Guarantee
+from umbrae.memory import require
+from umbrae.methods.oracle import Oracle
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
-from umbrae.sun import Sky, sun_study
+from umbrae.sun import surface_sensors
 from umbrae.sun.sensors import facets
 
+_BYTES_PER_SENSOR = 320
+"""Making the grid, which takes the most, measured."""
+_FINER = 0.9
+"""The grid is a little finer than the number of sensors asks for: where faces cut it, points fall out."""
 
-@dataclass(frozen=True, eq=False)
-class SunRun:
-    """How long one contestant took.
 
-    Attributes
-    ----------
-    name
-        "umbrae", or the comparator's.
-    prepare_seconds, seconds
-        Building a tree, and all positions of the sun after that.
-    differ
-        Verdicts (one per sensor and position of the sun) in which the hours differ from the exact ones, at least.
-    stopped
-        Why it cannot run here; the times are then zero.
+def pick_sensors(scene: Scene, count: int) -> ViewSamples:
+    """Sensors `(count,)`, perhaps fewer on tiny scenes: a regular pick from a grid over the faces, along a curve.
+
+    Raises
+    ------
+    CapacityError
+        When they would not fit into memory.
     """
-
-    name: str
-    prepare_seconds: float
-    seconds: float
-    differ: int
-    stopped: str | None = None
+    require(count * _BYTES_PER_SENSOR, f"a pick of {count:,} sensors")
+    area = float(facets(scene)[1].sum())
+    grid = surface_sensors(scene, _FINER * math.sqrt(area / count))
+    picked = grid.take(np.arange(min(count, grid.size)) * grid.size // min(count, grid.size))
+    # Neighbours together, as `sun_study` has them: good for the caches of all contestants.
+    return picked.take(picked.along_curve)
 
 
 def run_sun(
-    scene: Scene, sensors: ViewSamples, sky: Sky, comparators: Sequence[Runner[Any]], clock: Clock
-) -> list[SunRun]:
-    """Time `sun_study` on sensors `(n,)` on faces, then each comparator, which is asked about the facing sensors only.
+    scene: Scene,
+    sensors: ViewSamples,
+    suns: Sequence[Light],
+    runners: Sequence[Runner[Any]],
+    checked: int,
+    clock: Clock,
+) -> tuple[SunRun, ...]:
+    """Time all runners on sensors `(n,)` on faces, sun by sun in turn.
 
-    Call it once on a few sensors before, so that nothing is compiled while the time is taken.
+    Methods of Umbrae decide every sensor; what promises nothing is asked only about those that face the sun. Call it
+    once on next to nothing before, so that nothing is compiled while the time is taken.
+
+    Parameters
+    ----------
+    runners
+        The first promises to be exact: the verdicts of all are compared with its own.
+    checked
+        How many verdicts of each method of Umbrae are compared with the oracle, at least, the same number of each sun.
+    clock
+        Hears how many suns are done; it does not listen while the time is taken.
     """
-    watch = Clock()
-    with clock.span("umbrae"):
-        exact = sun_study(scene, sensors, sky, clock=watch)
-    spent = watch.seconds()
-    runs = [SunRun("umbrae", spent["prepare"], spent["sun"], 0)]
-    steps = np.round(exact.hours / sky.step_hours).astype(np.int64)
-    for runner in comparators:
-        if reason := runner.unavailable():
-            runs.append(SunRun(runner.name, 0.0, 0.0, 0, reason))
-            continue
-        with clock.span(runner.name):
-            start = time.perf_counter()
-            runner.set_geometry(scene)
-            runner.prepare(Clock())
-            middle = time.perf_counter()
-            lit = _lit(scene, sensors, sky, runner, clock)
-            end = time.perf_counter()
-        runs.append(SunRun(runner.name, middle - start, end - middle, int(np.abs(lit - steps).sum())))
-    return runs
-
-
-def _lit(scene: Scene, sensors: ViewSamples, sky: Sky, runner: Runner[Any], clock: Clock) -> NDArray[np.int64]:
+    tracks = [_Track(runner, runner.unavailable()) for runner in runners]
+    running = [track for track in tracks if track.not_run is None]
+    with clock.span("prepare"):
+        for track in running:
+            track.prepare(scene)
+        oracle = Oracle().prepare(scene)
     normal = facets(scene)[0][sensors.triangle] * sensors.side[:, None]
-    lit = np.zeros(sensors.shape, np.int64)
-    suns = [light for light, day in zip(sky.lights, sky.is_day, strict=True) if day]
-    for done, light in enumerate(suns, 1):
-        facing = np.flatnonzero(normal @ light.position[:3].astype(np.float64) > 0.0)
-        runner.set_samples(sensors.take(facing))
-        lit[facing] += ~runner.mask(runner.shadow(light, Clock())).in_shadow
-        clock.advance(done, len(suns))
-    return lit
+    every = np.arange(sensors.size)
+    chance, drawn_each = np.random.default_rng(0), min(-(-checked // len(suns)), sensors.size)
+    with clock.span("suns"):
+        for done, light in enumerate(suns, 1):
+            facing = np.flatnonzero(normal @ light.position[:3].astype(np.float64) > 0.0)
+            drawn = np.sort(chance.choice(sensors.size, drawn_each, replace=False))
+            truth = oracle.shadow(light, sensors.take(drawn)).in_shadow
+            exact: NDArray[np.bool_] | None = None
+            for track in running:
+                asked = every if track.is_exact else facing
+                in_shadow = track.shadow(light, sensors if track.is_exact else sensors.take(facing))
+                exact = in_shadow if exact is None else exact
+                track.asked += len(asked)
+                track.differ += int((in_shadow != exact[asked]).sum())
+                if track.is_exact:
+                    track.checked += len(drawn)
+                    track.wrong += int((in_shadow[drawn] != truth).sum())
+            clock.advance(done, len(suns))
+    return tuple(track.result() for track in tracks)
+
+
+@dataclass
+class _Track:
+    """A runner on its way through the suns; `not_run` says why it takes no part."""
+
+    runner: Runner[Any]
+    not_run: str | None
+    clock: Clock = field(default_factory=Clock)
+    prepare_seconds: float = 0.0
+    trace_seconds: list[float] = field(default_factory=list)
+    asked: int = 0
+    differ: int = 0
+    checked: int = 0
+    wrong: int = 0
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the runner promises that all its verdicts are right."""
+        return self.runner.guarantee is Guarantee.EXACT
+
+    def prepare(self, scene: Scene) -> None:
+        """Geometry, and the work that depends on it alone, timed."""
+        self.runner.set_geometry(scene)
+        self.prepare_seconds, _ = stopwatch(lambda: self.runner.prepare(self.clock))
+
+    def shadow(self, light: Light, samples: ViewSamples) -> NDArray[np.bool_]:
+        """One more sun, timed."""
+        runner = self.runner
+        runner.set_samples(samples)
+        seconds, answer = stopwatch(lambda: runner.shadow(light, self.clock))
+        self.trace_seconds.append(round(seconds, 7))
+        return runner.mask(answer).in_shadow
+
+    def result(self) -> SunRun:
+        """What there is to report: no times for a broken guarantee."""
+        runner = self.runner
+        about = SunRun(runner.name, str(runner.guarantee), runner.options(), self.not_run)
+        if self.not_run is not None:
+            return about
+        found = replace(about, asked=self.asked, differ=self.differ, checked=self.checked, wrong=self.wrong)
+        if found.broken:
+            return found
+        return replace(
+            found,
+            prepare_seconds=self.prepare_seconds,
+            trace_seconds=tuple(self.trace_seconds),
+            stages=self.clock.seconds(),
+        )
