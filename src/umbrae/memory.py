@@ -4,6 +4,7 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from umbrae.errors import CapacityError
 
@@ -33,6 +34,28 @@ def require(size: int, what: str) -> None:
     available = available_bytes()
     if size > available:
         raise CapacityError(f"{what} needs {size / _GIB:.2f} GiB of memory, {available / _GIB:.2f} GiB are available")
+
+
+SPARE_BYTES = 256 << 20
+"""The most that is kept of one kind of scratch memory."""
+
+_spare: dict[str, Any] = {}
+
+
+def keep_spare(kind: str, arrays: Any, touched: int) -> None:
+    """Keep scratch memory of `touched` bytes for the next call: fresh pages cost more than most work done in them."""
+    if touched <= SPARE_BYTES:
+        _spare[kind] = arrays
+
+
+def take_spare(kind: str) -> Any | None:
+    """Scratch memory that an earlier call has kept, if any; it then belongs to the caller."""
+    return _spare.pop(kind, None)
+
+
+def drop_spare() -> None:
+    """Give back all scratch memory that is kept between calls."""
+    _spare.clear()
 
 
 def _machine_bytes() -> int:

@@ -69,7 +69,6 @@ class FrustumCaster(Caster):
         self.scene = scene
         self.solids: Solids | None = None
         self.clusters = cluster_triangles(scene, clock)
-        self._spare: list[Leaves] = []  # memory of former calls: touching fresh pages would cost more than the sorting
         if front_face_culling and len(scene.triangles):
             solid = np.array([material.casts_solid for material in scene.materials])
             self.solids = find_solids(scene.positions, scene.triangles, solid[scene.material_id])
@@ -110,7 +109,7 @@ class FrustumCaster(Caster):
             error = POSITION_ERROR * largest + surface_error(bounds) if on_surface else 0.0
             frames = light_frames(source, bounds, error)
             limits = error, 2.0**-50 * largest
-            leaves, trees = build(samples, facing, source, frames, limits, in_shadow, self._spare, clock)
+            leaves, trees = build(samples, facing, source, frames, limits, in_shadow, clock)
         with clock.span("traversal"):
             stats = self._traverse(source, samples, clustered, frames, leaves, trees, clock)
         with clock.span("merge"):
@@ -118,7 +117,7 @@ class FrustumCaster(Caster):
                 if tree is not None:
                     merge(tree.level, tree.full)
                     _write_out(tree, leaves.ids, in_shadow, clock)
-        self._spare.append(leaves)
+        leaves.release(sum(len(tree.slot) for tree in trees if tree is not None))
         return stats
 
     def _traverse(
@@ -131,7 +130,8 @@ class FrustumCaster(Caster):
         trees: list[SampleTree | None],
         clock: Clock,
     ) -> NDArray[np.int64]:
-        count = len(self.clusters.corners)
+        corners, boxes, order, _ = self.clusters
+        count = len(corners)
         step = min(CLUSTERS, -(-count // (8 * thread_count())))
         batches = -(-count // step)
         active = [(frame, tree) for frame, tree in zip(frames, trees, strict=True) if tree is not None]
@@ -146,9 +146,9 @@ class FrustumCaster(Caster):
             start = number % batches * step
             stats = np.zeros(len(COUNTERS), np.int64)
             traverse_batch(
-                self.scene.positions, self.scene.triangles, self.clusters.corners, self.clusters.order, facing,
-                source, frame, start, min(start + step, count), tree.box, tree.full, tree.level, tree.slot,
-                leaves.place, leaves.ids, leaves.box, *raw, stats,
+                self.scene.positions, self.scene.triangles, corners, boxes, order, facing, source, frame, start,
+                min(start + step, count), tree.box, tree.full, tree.level, tree.slot, leaves.place, leaves.ids,
+                leaves.box, *raw, stats,
             )  # fmt: skip
             return stats
 

@@ -96,6 +96,37 @@ def _group(x, y, z, frames, error):
     return frame
 
 
+@inline
+def _common_group(source, light, frames, error):
+    """The frame of a point light that 16 samples surely lie in together, else `UNSURE`."""
+    x0, x1 = _bounds(source[0], 0)
+    y0, y1 = _bounds(source[1], 0)
+    z0, z1 = _bounds(source[2], 0)
+    x0, x1, y0, y1, z0, z1 = x0 - light[0], x1 - light[0], y0 - light[1], y1 - light[1], z0 - light[2], z1 - light[2]
+    u, v, w = max(-x0, x1), max(-y0, y1), max(-z0, z1)
+    x, y, z = max(x0, -x1), max(y0, -y1), max(z0, -z1)
+    if x >= max(v, w):
+        frame, depth = 0 if x0 > 0.0 else 1, x
+    elif y >= max(u, w):
+        frame, depth = 2 if y0 > 0.0 else 3, y
+    elif z >= max(u, v):
+        frame, depth = 4 if z0 > 0.0 else 5, z
+    else:
+        return UNSURE
+    if depth <= 1024.0 * (error + 2.0**-50 * max(u, v, w)) or depth * LARGEST_Q <= frames[frame, SCALE_Q]:
+        return UNSURE
+    return frame
+
+
+@expand
+def _fill(source, lanes):
+    """Give the lanes without a sample the first one's position."""
+    for axis in range(3):
+        first = source[axis, 0]
+        for lane in range(LANES):
+            source[axis, lane] = source[axis, lane] if lane < lanes else first
+
+
 @expand
 def _to_frame(source, light, row, place):
     """Window coordinates of 16 positions in a frame."""
@@ -253,20 +284,24 @@ def cluster_tiles(
             for axis in range(3):
                 source[axis, lanes] = position[at, axis]
             lanes += 1
+        if lanes == 0:
+            continue
         several = False
+        group[0] = 0
         if len(frames) > 1:
+            _fill(source, lanes)
+            group[0] = _common_group(source, light, frames, error + rounding)
+        if group[0] == UNSURE:
             for lane in range(lanes):
                 x, y, z = source[0, lane] - light[0], source[1, lane] - light[1], source[2, lane] - light[2]
                 group[lane] = _group(x, y, z, frames, error + rounding)
                 several = several or group[lane] != group[0]
-        if lanes == 0:
-            continue
         waiting = 0
         if several:
             waiting = lanes
             later_source[:], later_ids[:] = source, ids
         while lanes > 0:
-            now = group[0] if len(frames) > 1 else 0
+            now = group[0]
             if several:
                 # Those in the first one's frame; the others wait.
                 lanes, left = 0, 0
@@ -289,9 +324,7 @@ def cluster_tiles(
             frame = np.int64(now)
             sure = frame != UNSURE
             if sure:
-                for lane in range(lanes, LANES):
-                    for axis in range(3):
-                        source[axis, lane] = source[axis, 0]
+                _fill(source, lanes)
                 _to_frame(source, light, frames[frame], place)
                 slack_x, slack_q = _slack(source, light, frames[frame], error, rounding)
             else:

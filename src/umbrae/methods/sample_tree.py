@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.clock import Clock
+from umbrae.memory import keep_spare, take_spare
 from umbrae.methods.counting_sort import sort_by_key
 from umbrae.methods.lanes import LANES, largest, load, smallest
 from umbrae.methods.light_frame import LightFrame
@@ -46,6 +47,10 @@ class Leaves(NamedTuple):
     box: NDArray[np.float32]
     key: NDArray[np.int64]
 
+    def release(self, used: int) -> None:
+        """Keep the memory, in which `used` leaves have been stored, for the next call."""
+        keep_spare("leaves", self, used * sum(part[0].nbytes for part in self))
+
 
 class SampleTree(NamedTuple):
     """Boxes over the leaves of one light frame, 16 children to a node.
@@ -70,19 +75,17 @@ def build(
     frames: list[LightFrame],
     limits: tuple[float, float],
     in_shadow: NDArray[np.bool_],
-    spare: list[Leaves],
     clock: Clock | None,
 ) -> tuple[Leaves, list[SampleTree | None]]:
     """Cluster the samples and build one tree per frame (None where a frame has no samples).
 
     Samples that their own triangle shades are set in `in_shadow` (flat) and left out. `facing` `(t,)` is the side of
-    each triangle that the light is on; `limits` are `error` and `rounding` of `cluster_tiles`; `spare` may hold memory
-    of an earlier call.
+    each triangle that the light is on; `limits` are `error` and `rounding` of `cluster_tiles`.
     """
     height, width, order = _layout(samples)
     tiles = len(order) // LANES if len(order) else (-(-height // 4)) * (-(-width // 4))
     room = len(frames) + SPARE
-    leaves = _reserve(tiles * room + thread_count() * _REGION, spare)
+    leaves = _reserve(tiles * room + thread_count() * _REGION)
     table = np.array([frame.row() for frame in frames])
     gap = np.float32(GAP / np.sqrt(len(facing)))
     raw = (
@@ -119,12 +122,11 @@ def build(
     return leaves, [_tree(leaves.box, slots) if len(slots) else None for slots in of_frames]
 
 
-def _reserve(slots: int, spare: list[Leaves]) -> Leaves:
+def _reserve(slots: int) -> Leaves:
     """Address space for the worst case: slots are handed out from the front, so only what is used takes memory."""
-    while spare:
-        leaves = spare.pop()
-        if len(leaves.key) >= slots:
-            return leaves
+    leaves: Leaves | None = take_spare("leaves")
+    if leaves is not None and len(leaves.key) >= slots:
+        return leaves
     return Leaves(
         place=np.empty((slots, 3 * LANES), np.float32),
         ids=np.empty((slots, 2 * LANES), np.int32),

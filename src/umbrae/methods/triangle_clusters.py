@@ -21,10 +21,12 @@ class TriangleClusters(NamedTuple):
     """Neighbouring triangles by sixteens.
 
     `corners` `(c, 3, 3, 16)` the three corners, axis by axis, of the triangles in each cluster (the last one is filled
-    up with copies of the last triangle); `order` `(t,)` their numbers in the scene; `bounds` `(2, 3)` of all.
+    up with copies of the last triangle); `boxes` `(c, 2, 3)` the bounds of each; `order` `(t,)` the triangles' numbers
+    in the scene; `bounds` `(2, 3)` of all.
     """
 
     corners: NDArray[np.float32]
+    boxes: NDArray[np.float32]
     order: NDArray[np.int32]
     bounds: NDArray[np.float64]
 
@@ -38,9 +40,10 @@ def cluster_triangles(scene: Scene, clock: Clock | None) -> TriangleClusters:
     clusters = -(-count // LANES)
     order = np.arange(count, dtype=np.int32)
     corners = np.empty((clusters, 3, 3, LANES), np.float32)
+    boxes = np.empty((clusters, 2, 3), np.float32)
     if count == 0:
-        return TriangleClusters(corners, order, np.zeros((2, 3)))
-    bounds, apart = _gather(scene, order, corners, clock)
+        return TriangleClusters(corners, boxes, order, np.zeros((2, 3)))
+    bounds, apart = _gather(scene, order, corners, boxes, clock)
     if apart:
         keys = np.empty(count, np.int64)
         scale = 1023.0 / (float((bounds[1] - bounds[0]).max()) or 1.0)
@@ -53,25 +56,30 @@ def cluster_triangles(scene: Scene, clock: Clock | None) -> TriangleClusters:
         along = np.empty(count, np.int32)
         sort_by_key(order, keys, 30 - bits, along, np.zeros((1 << bits) + 1, np.int32))
         order = along
-        _gather(scene, order, corners, clock)
-    return TriangleClusters(corners, order, bounds)
+        _gather(scene, order, corners, boxes, clock)
+    return TriangleClusters(corners, boxes, order, bounds)
 
 
 def _gather(
-    scene: Scene, order: NDArray[np.int32], corners: NDArray[np.float32], clock: Clock | None
+    scene: Scene,
+    order: NDArray[np.int32],
+    corners: NDArray[np.float32],
+    boxes: NDArray[np.float32],
+    clock: Clock | None,
 ) -> tuple[NDArray[np.float64], bool]:
-    """Fill `corners`; returns the bounds of all, and whether clusters are mostly wider than their triangles."""
+    """Fill `corners` and `boxes`; returns the bounds of all, and whether clusters are mostly wider than triangles."""
     clusters = len(corners)
     chunks = -(-clusters // _CHUNK)
-    bounds, extents = np.empty((chunks, 2, 3)), np.empty((chunks, 2))
+    extents = np.empty((chunks, 2))
 
     def task(chunk: int) -> None:
         start, stop = chunk * _CHUNK, min((chunk + 1) * _CHUNK, clusters)
-        gather(scene.positions, scene.triangles, order, start, stop, corners, bounds[chunk], extents[chunk])
+        gather(scene.positions, scene.triangles, order, start, stop, corners, boxes, extents[chunk])
 
     run(task, chunks, clock)
     of_clusters, of_triangles = extents.sum(axis=0)
-    return np.stack([bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)]), bool(of_clusters > of_triangles)
+    bounds = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]).astype(np.float64)
+    return bounds, bool(of_clusters > of_triangles)
 
 
 def light_sides(
@@ -91,12 +99,8 @@ def light_sides(
 
 
 @kernel
-def gather(positions, triangles, order, start, stop, corners, bounds, extents):
-    """Copy the corners of clusters `start` to `stop`.
-
-    Writes their bounds `(2, 3)`, and the sum of the extents of clusters and that of triangles.
-    """
-    bounds[0], bounds[1] = np.inf, -np.inf
+def gather(positions, triangles, order, start, stop, corners, boxes, extents):
+    """Copy the corners of clusters `start` to `stop`, bound them, and sum up extents: of clusters, of triangles."""
     extents[:] = 0.0
     last = len(order) - 1
     for cluster in range(start, stop):
@@ -108,7 +112,7 @@ def gather(positions, triangles, order, start, stop, corners, bounds, extents):
                     corners[cluster, number, axis, lane] = positions[vertex, axis]
         for axis in range(3):
             low, high, total = extents_along(corners, cluster, axis)
-            bounds[0, axis], bounds[1, axis] = min(bounds[0, axis], low), max(bounds[1, axis], high)
+            boxes[cluster, 0, axis], boxes[cluster, 1, axis] = low, high
             extents[0] += high - low
             extents[1] += total
 
