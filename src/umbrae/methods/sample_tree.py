@@ -85,7 +85,8 @@ def build(
     height, width, order = _layout(samples)
     tiles = len(order) // LANES if len(order) else (-(-height // 4)) * (-(-width // 4))
     room = len(frames) + SPARE
-    leaves = _reserve(tiles * room + thread_count() * _REGION)
+    # A region is left with up to `room` slots unused, and each thread's last one with any number.
+    leaves = _reserve((-(-tiles * room // (_REGION - room)) + thread_count()) * _REGION)
     table = np.array([frame.row() for frame in frames])
     gap = np.float32(GAP / np.sqrt(len(facing)))
     raw = (
