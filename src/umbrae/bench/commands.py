@@ -195,7 +195,10 @@ def _lights(kind: str) -> list[str]:
 
 
 def _sizes(texts: str) -> list[tuple[int, int]]:
-    sizes = [arguments.size(text) for text in texts.split(",")]
+    try:
+        sizes = [arguments.size(text) for text in texts.split(",")]
+    except typer.BadParameter as error:
+        raise OptionError(f"--resolution: {error.message}") from None
     for size in sizes:
         if max(size) > MAX_SIDE_PX:
             raise OptionError(f"--resolution: wanted 1 to {MAX_SIDE_PX} pixels a side, got {size.width}x{size.height}")
