@@ -266,8 +266,10 @@ def sun(
     studies = [path for path in paths if path not in pictures]
     if grid is not None and not studies:
         raise OptionError(f"--grid is for sensors: wanted an output of {' '.join(sunlight.STUDIES)}")
-    zone = timezone or sunlight.longitude_zone(lon)
-    sky = sunlight.Sky.over(sunlight.day_times(date, step, zone), lat, lon, north=north, up=up)
+    zone = sunlight.longitude_zone(lon) if timezone is None else timezone
+    times = sunlight.day_times(date, step, zone)
+    # A single step is as long as the day; of several, the length is the distance.
+    sky = sunlight.Sky.over(times, lat, lon, north=north, up=up, step=step if len(times) == 1 else None)
     view = Size(size.width, size.height - sunlight.legend_height(size.width))
     if pictures and view.height < 1:
         raise OptionError(
@@ -277,6 +279,9 @@ def sun(
     scene = _load(model, clock, paths)
     if not (as_json or quiet):
         note(f"{date}, times in {zone}: the sun is above the horizon for {sky.possible_hours:.1f} hours")
+    camera = arguments.camera(scene, view, eye, target, up, fov) if pictures else None
+    if camera is not None:
+        sunlight.finer_camera(camera, samples_per_pixel)
     compile_kernels([algorithm], 1, clock)
     facts: dict[str, Any] = {}
     if studies:
@@ -291,8 +296,7 @@ def sun(
         with clock.span("write"):
             for path in studies:
                 sunlight.save_study(path, scene, sensors, study)
-    if pictures:
-        camera = arguments.camera(scene, view, eye, target, up, fov)
+    if camera is not None:
         image = sunlight.sun_map(scene, camera, sky, samples_per_pixel, algorithm, clock)[0]
         assert image.samples is not None
         _note_if_nothing_is_seen(image.samples)

@@ -7,7 +7,7 @@ progress and can be interrupted between tasks.
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import lru_cache
 from threading import Lock, local
 from typing import Any
@@ -54,7 +54,7 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Callable[..., Any
 def thread_count() -> int:
     """Number of worker threads: `UMBRAE_THREADS`, else the cores this process may use."""
     wanted = os.environ.get("UMBRAE_THREADS", "")
-    if wanted.isdigit() and int(wanted) > 0:
+    if wanted.isdecimal() and int(wanted) > 0:
         return int(wanted)
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
@@ -114,11 +114,15 @@ def run(task: Callable[[int], Any], count: int, clock: Clock | None = None) -> l
             _here.busy = nested
 
     helpers = 0 if _here.busy else min(thread_count(), count) - 1
-    pending = [_pool(helpers).submit(worker) for _ in range(helpers)]
+    pending: list[Future[None]] = []
     try:
+        for _ in range(helpers):
+            pending.append(_pool(thread_count() - 1).submit(worker))
         worker(clock)
         for future in pending:
-            future.result()
+            # One that has not begun waits behind another run, and would find nothing left to do.
+            if not future.cancel():
+                future.result()
     finally:
         stopped = True
         wait(pending)

@@ -55,7 +55,11 @@ class FlyThrough:
             times that do not grow, or a direction of zero.
         """
         # What a spreadsheet writes may start with a byte order mark.
-        rows = [row for row in csv.reader(load_text(path).removeprefix("\ufeff").splitlines()) if any(row)]
+        text = load_text(path).removeprefix("\ufeff")
+        try:
+            rows = [row for row in csv.reader(text.splitlines()) if any(row)]
+        except csv.Error as error:
+            raise InputError(f"{path}: no CSV: {error}") from error
         header = [name.strip() for name in rows[0]] if rows else []
         if sorted(header) != sorted(COLUMNS):
             raise InputError(f"{path}: wanted the columns {','.join(COLUMNS)}, got {','.join(header)[:120] or 'none'}")

@@ -126,7 +126,7 @@ class Record:
             raise InputError(f"{path}: wanted a result of umbrae bench of schema {SCHEMA}")
         try:
             return _record(document)
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: damaged: {type(error).__name__} {error}") from error
 
     def check_same(self, path: Path, earlier: "Record") -> None:
@@ -145,7 +145,8 @@ def _record(document: dict[str, Any]) -> Record:
     cases = []
     for case in document["cases"]:
         runners = [_runner(dict(runner)) for runner in case["runners"]]
-        cases.append(CaseResult(**{**case, "case": Case(**case["case"]), "runners": tuple(runners)}))
+        whole = {name: int(case[name]) for name in ("triangles", "samples", "covered")}
+        cases.append(CaseResult(**{**case, **whole, "case": Case(**case["case"]), "runners": tuple(runners)}))
     known = {name: document[name] for name in ("benchmark", "configuration", "machine", "date")}
     return Record(
         str(known["benchmark"]), dict(known["configuration"]), dict(known["machine"]), str(known["date"]), tuple(cases)
@@ -154,6 +155,12 @@ def _record(document: dict[str, Any]) -> Record:
 
 def _runner(values: dict[str, Any]) -> RunnerResult:
     values["seconds"] = {name: Times.of(times["runs"]) for name, times in values["seconds"].items()}
+    if values["seconds"] and set(values["seconds"]) != {"build", "trace", "cold", "warm"}:
+        raise ValueError(f"seconds of {', '.join(values['seconds'])}")
+    if not values["seconds"] and values["not_run"] is None and not values["broken"]:
+        raise ValueError(f"no seconds of {values['name']}")
     for name in ("checked", "wrong"):
         values[name] = int(values[name])
+    if values["peak_bytes"] is not None:
+        values["peak_bytes"] = int(values["peak_bytes"])
     return RunnerResult(**values)

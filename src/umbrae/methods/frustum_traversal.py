@@ -127,6 +127,7 @@ def _touched(leaf_place, leaf_ids, slot, t, rows, cluster, lane, sides, plane):
 @inline
 def _settle(slot, lane, t, leaf_ids, positions, triangles, light, barycentric, side, position, point, stats):
     """Ask the predicate about a pair that float32 left open."""
+    # Another thread may have darkened the lane meanwhile: then whatever comes out, it stays in shadow.
     own = leaf_ids[slot, OWN + lane]
     index = leaf_ids[slot, SAMPLE + lane]
     for axis in range(3):

@@ -86,7 +86,8 @@ def build(
     tiles = len(order) // LANES if len(order) else (-(-height // 4)) * (-(-width // 4))
     room = len(frames) + SPARE
     # A region is left with up to `room` slots unused, and each thread's last one with any number.
-    leaves = _reserve((-(-tiles * room // (_REGION - room)) + thread_count()) * _REGION)
+    tasks = -(-tiles // _TILES_PER_TASK)
+    leaves = _reserve((-(-tiles * room // (_REGION - room)) + min(thread_count(), tasks)) * _REGION)
     table = np.array([frame.row() for frame in frames])
     gap = np.float32(GAP / np.sqrt(len(facing)))
     raw = (
@@ -115,7 +116,7 @@ def build(
         own[get_ident()] = slot, last
         return used
 
-    used = np.concatenate([part for parts in run(task, -(-tiles // _TILES_PER_TASK), clock) for part in parts])
+    used = np.concatenate([part for parts in run(task, tasks, clock) for part in parts])
     bits = max(2, (len(used) // len(frames)).bit_length() // 2 * 2)
     sorted_slots, ends = np.empty(len(used), np.int32), np.zeros((len(frames) << bits) + 1, np.int32)
     sort_by_key(used, leaves.key, 32 - bits, sorted_slots, ends)

@@ -1,6 +1,6 @@
 """Hours of direct sun: where the sun stands, on which sensors, how long."""
 
-from umbrae.sun.heat_map import sun_map
+from umbrae.sun.heat_map import finer_camera, sun_map
 from umbrae.sun.legend import legend_height
 from umbrae.sun.results import STUDIES, save_study, summary
 from umbrae.sun.sensors import both_sides, surface_sensors
@@ -13,6 +13,7 @@ __all__ = [
     "SunStudy",
     "both_sides",
     "day_times",
+    "finer_camera",
     "legend_height",
     "longitude_zone",
     "save_study",

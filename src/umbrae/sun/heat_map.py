@@ -66,12 +66,8 @@ def sun_map(
     """
     clock = clock or Clock()
     instance(scene, Scene, "scene")
-    instance(camera, Camera, "camera")
-    fine = math.isqrt(max(0, whole(samples_per_pixel, "samples_per_pixel")))
-    if fine < 1 or fine * fine != samples_per_pixel:
-        raise OptionError(f"samples_per_pixel: wanted a square number such as 1, 4 or 9, got {samples_per_pixel}")
-    finer = replace(camera, width=camera.width * fine, height=camera.height * fine)
-    require(finer.width * finer.height * _BYTES_PER_SAMPLE, f"a sun map of {camera.width} x {camera.height} pixels")
+    finer = finer_camera(camera, samples_per_pixel)
+    fine = finer.width // camera.width
     with clock.span("sample"):
         samples = sample(scene, finer, clock=clock)
     study = sun_study(scene, samples, sky, method, clock)
@@ -81,6 +77,18 @@ def sun_map(
         shown = drawn.reshape(camera.height, fine, camera.width, fine, 3).mean(axis=(1, 3))
         pixels = np.concatenate([np.round(shown * 255).astype(np.uint8), legend(camera.width, sky)])
     return Image(pixels, samples), study
+
+
+def finer_camera(camera: Camera, samples_per_pixel: int) -> Camera:
+    """The camera of the finer picture that `sun_map` studies; raises what `sun_map` would, before any work."""
+    instance(camera, Camera, "camera")
+    colors(np.zeros(1), 1.0)
+    fine = math.isqrt(max(0, whole(samples_per_pixel, "samples_per_pixel")))
+    if fine < 1 or fine * fine != samples_per_pixel:
+        raise OptionError(f"samples_per_pixel: wanted a square number such as 1, 4 or 9, got {samples_per_pixel}")
+    finer = replace(camera, width=camera.width * fine, height=camera.height * fine)
+    require(finer.width * finer.height * _BYTES_PER_SAMPLE, f"a sun map of {camera.width} x {camera.height} pixels")
+    return finer
 
 
 def _draw(scene: Scene, camera: Camera, samples: ViewSamples, study: SunStudy) -> NDArray[np.float32]:

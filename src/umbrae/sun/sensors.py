@@ -90,12 +90,13 @@ def facets(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _require(grid: Grid, area: NDArray[np.float64], spacing: float) -> None:
-    if max(np.abs(grid.x).max(), np.abs(grid.y).max()) > 1.0 / _FINEST:
+    # Not a number, when a spacing next to nothing divided by: refused as well.
+    if not max(np.abs(grid.x).max(), np.abs(grid.y).max()) <= 1.0 / _FINEST:
         raise InputError(f"spacing: {spacing:g} is too fine for coordinates this far from zero")
     lines = float((grid.y.max(axis=1) - grid.y.min(axis=1)).sum()) * spacing * _BYTES_PER_LINE
     points = float(area.sum()) * _BYTES_PER_SENSOR
     always = len(grid.face) * _BYTES_PER_SENSOR
-    size = points / spacing**2 + lines / spacing + always
+    size = points / spacing / spacing + lines / spacing + always
     room = 0.9 * (available_bytes() - always)
     # Where points / s**2 + lines / s = room.
     hint = f" ({(lines + math.sqrt(lines**2 + 4 * points * room)) / (2 * room):.2g} would fit)" if room > 0 else ""

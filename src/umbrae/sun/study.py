@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from umbrae.checks import Vector, instance
 from umbrae.clock import Clock
-from umbrae.geometry.morton import morton3
 from umbrae.mask import Guarantee
 from umbrae.memory import require
 from umbrae.methods import Method, make_method
@@ -95,7 +94,8 @@ def sun_study(
     sensors.check(scene)
     algorithm = make_method(method)
     require(sensors.size * _BYTES_PER_SENSOR, f"a study of {sensors.size:,} points")
-    order = _order(sensors)
+    # Lists along a curve in space, whatever order they come in: methods work on neighbours together.
+    order = None if sensors.camera is not None else sensors.along_curve
     listed = sensors if order is None else sensors.take(order)
     suns = [light for light, day in zip(sky.lights, sky.is_day, strict=True) if day]
     count = np.zeros(listed.shape, np.min_scalar_type(len(suns)))
@@ -119,10 +119,3 @@ def sunnier(sensors: ViewSamples, study: SunStudy) -> tuple[ViewSamples, SunStud
     count = len(second)
     chosen = np.arange(count) + np.where(second, count, 0)
     return sensors.take(chosen), replace(study, hours=study.hours.reshape(-1)[chosen])
-
-
-def _order(sensors: ViewSamples) -> NDArray[np.intp] | None:
-    """Lists along a curve in space, whatever order they come in: methods work on neighbours together."""
-    if sensors.camera is not None:
-        return None
-    return np.argsort(morton3(sensors.position.reshape(-1, 3).astype(np.float64)), kind="stable")
