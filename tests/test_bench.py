@@ -293,6 +293,24 @@ def test_damaged_files_end_in_one_line(tmp_path, content, message):
     assert len(str(caught.value).splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("where", "value"),
+    [("triangles", "x"), ("seconds", {}), ("seconds", {"cold": {"runs": [1.0]}}), ("runs", []), ("peak_bytes", "much")],
+)
+def test_damaged_values_end_in_one_line(tmp_path, where, value):
+    file = tmp_path / "a.json"
+    make(Right()).run(make(Right()).record(), lambda record: record.save(file), um.Clock())
+    Record.load(file)
+    document = json.loads(file.read_text())
+    case = document["cases"][0]
+    runner = case["runners"][0]
+    place = case if where == "triangles" else runner["seconds"]["warm"] if where == "runs" else runner
+    place[where] = value
+    file.write_text(json.dumps(document))
+    with pytest.raises(um.InputError, match="damaged"):
+        Record.load(file)
+
+
 def result_of(case, seconds, peak=None):
     """A made-up case: seconds of cold and warm runs by runner."""
     runners = [

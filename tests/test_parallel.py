@@ -49,3 +49,8 @@ def test_nested_runs_neither_hang_nor_lose_results(monkeypatch):
     monkeypatch.setenv("UMBRAE_THREADS", "3")
     rows = parallel.run(lambda row: parallel.run(lambda column: (row, column), 5), 7)
     assert rows == [[(row, column) for column in range(5)] for row in range(7)]
+
+
+def test_thread_counts_that_are_no_numbers_are_passed_over(monkeypatch):
+    monkeypatch.setenv("UMBRAE_THREADS", "²")
+    assert parallel.thread_count() >= 1

@@ -134,3 +134,23 @@ def test_interruptions_leave_nothing(model, capsys, monkeypatch):
     monkeypatch.setattr("umbrae.methods.frustum_cpu.FrustumCaster.shadow", stop)
     assert sun(*PLACE, *DAY, "-o", "a.csv") == 130
     assert [path.name for path in model.iterdir()] == ["roof.glb"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--samples-per-pixel", 3], "wanted a square number"),
+        (["--fov", 500], "between 0 and 180"),
+        (["--eye", "0,0,0", "--target", "0,0,0"], "eye"),
+    ],
+)
+def test_what_the_picture_refuses_ends_before_any_work(model, capsys, options, message):
+    assert sun(*PLACE, *DAY, *SMALL, "-o", "a.csv", "-o", "a.png", *options) == 2
+    out, err = capsys.readouterr()
+    assert message in err and out == "" and not (model / "a.csv").exists()
+
+
+def test_one_step_may_be_the_whole_day(model, capsys):
+    assert sun(*PLACE, "--date", "2026-06-21", "--step", "24h", "--json", "-o", "a.csv") == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert (facts["positions"], facts["possible_hours"]) == (1, 24)

@@ -172,3 +172,10 @@ def test_other_files_are_refused(tmp_path):
     scene = square()
     with pytest.raises(OutputError, match=r"wanted one of \.npz \.csv \.glb \.ply"):
         save_study(tmp_path / "s.txt", scene, *study_of(scene))
+
+
+def test_spacings_beyond_all_numbers():
+    # Wider than any face: still a sensor on each. Next to nothing: refused, not divided by.
+    assert surface_sensors(square(), 1e300).size == 2
+    with pytest.raises(InputError, match="too fine"):
+        surface_sensors(square(), 1e-320)

@@ -112,8 +112,10 @@ def _grid(scene: Scene, face: NDArray[np.intp], normal: NDArray[np.float64], spa
     along = np.cross(np.eye(3)[least], normal)
     along /= np.linalg.norm(along, axis=1)[:, None]
     across = np.cross(normal, along)
-    corners = scene.positions.astype(np.float64)[scene.triangles[face]] / spacing
-    return Grid(face, np.einsum("fki,fi->fk", corners, along), np.einsum("fki,fi->fk", corners, across))
+    # A spacing next to nothing gives infinities, which `_require` refuses.
+    with np.errstate(over="ignore", invalid="ignore"):
+        corners = scene.positions.astype(np.float64)[scene.triangles[face]] / spacing
+        return Grid(face, np.einsum("fki,fi->fk", corners, along), np.einsum("fki,fi->fk", corners, across))
 
 
 def _grid_points(grid: Grid) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
