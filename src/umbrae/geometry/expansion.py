@@ -81,3 +81,20 @@ def dot_sign(a, a_count, b, b_count):
     if count == 0:
         return 0
     return 1 if parts[count - 1] > 0.0 else -1
+
+
+@inline
+def rounded_sum(terms, axis, count):
+    """The sum of `terms[axis, :count]`, off by at most 4 * 2**-53 of itself, whatever cancels.
+
+    With ties rounded to even, `grow` leaves no two parts with adjacent bits (Shewchuk, theorem 10): the last one is at
+    most twice the sum, and adding the parts from the smallest up rounds no more than that.
+    """
+    parts = np.empty(MAX_TERMS)
+    length = 0
+    for i in range(count):
+        length = grow(parts, length, terms[axis, i])
+    total = 0.0
+    for i in range(length):
+        total += parts[i]
+    return total
