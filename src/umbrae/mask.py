@@ -31,7 +31,8 @@ class ShadowMask:
     guarantee
         What the method promises about it.
     band
-        `(...) float32` world units, for `BANDED`: verdicts nearer to a volume's face than this may differ.
+        `(...) float32` world units, for `BANDED`: verdicts of samples nearer than this to a face of a shadow volume,
+        other than the cap that their own triangle is, may differ.
     stats
         Work counters, whole numbers by name.
     """

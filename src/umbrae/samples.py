@@ -190,10 +190,16 @@ def surface_positions(
     scene: Scene, triangle: NDArray[np.int32], barycentric: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """`A + u (B - A) + v (C - A)` in float64, rounded to float32."""
+    return surface_points(scene, triangle, barycentric).astype(np.float32)
+
+
+def surface_points(scene: Scene, triangle: NDArray[np.int32], barycentric: NDArray[np.float32]) -> NDArray[np.float64]:
+    """`A + u (B - A) + v (C - A)` in float64."""
     corners = scene.positions[scene.triangles[triangle]].astype(np.float64)
     u, v = barycentric[..., :1].astype(np.float64), barycentric[..., 1:].astype(np.float64)
     a, b, c = corners[..., 0, :], corners[..., 1, :], corners[..., 2, :]
-    return (a + u * (b - a) + v * (c - a)).astype(np.float32)
+    points: NDArray[np.float64] = a + u * (b - a) + v * (c - a)
+    return points
 
 
 def _round_inside(uv: NDArray[Any]) -> NDArray[np.float32]:

@@ -1,6 +1,7 @@
 """A mask held against the truth."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,11 +9,15 @@ from numpy.typing import NDArray
 from umbrae.checks import instance, whole
 from umbrae.clock import Clock
 from umbrae.errors import InputError
+from umbrae.geometry.volume_faces import face_distance, facing_of_all
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.oracle import Oracle
-from umbrae.samples import ViewSamples
+from umbrae.samples import ViewSamples, surface_points
 from umbrae.scene import Scene
+
+_NEARLY_EDGE_ON = 1e-3
+"""Radians between the own triangle's plane and the light; only the naming of mismatches depends on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +35,14 @@ class Verdict:
     wrong
         `(n,)` flat indices of the mismatches.
     margin
-        `(n,)` float32 world units: how far each of them lies at least from a change of verdict.
+        `(n,)` float32 world units: how far each of them lies at least from where a mistake could be forgiven. For a
+        `BANDED` mask that is the nearest face of any shadow volume, the cap of the own triangle left out: counts go
+        wrong there also where the verdict does not change. It is what the band is compared with; the largest float32
+        in a scene without a face. For any other mask it is the nearest change of verdict.
+    classes
+        How many mismatches are of which kind, for a `BANDED` mask; empty for any other. "facing away": the own
+        triangle is edge-on to the light, within a thousandth of a radian, or it shades the sample itself while the
+        mask says lit. "boundary": all others.
     """
 
     checked: int
@@ -39,6 +51,7 @@ class Verdict:
     inside_band: int
     wrong: NDArray[np.intp]
     margin: NDArray[np.float32]
+    classes: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
@@ -47,7 +60,7 @@ class Verdict:
 
     @property
     def worst_margin(self) -> float:
-        """The largest margin of a mismatch in world units; 0 without any."""
+        """The largest margin of a mismatch in world units, inside its band or outside; 0 without any."""
         return float(self.margin.max(initial=0.0))
 
 
@@ -72,7 +85,8 @@ def verify(
     Raises
     ------
     InputError
-        If mask and samples differ in shape, the samples were made for another scene, or `count` is not positive.
+        If mask or band and samples differ in shape, the samples were made for another scene, or `count` is not
+        positive.
     """
     for value, kind, name in (
         (scene, Scene, "scene"),
@@ -84,6 +98,7 @@ def verify(
     samples.check(scene)
     if mask.in_shadow.shape != samples.shape:
         raise InputError(f"verify: mask has shape {mask.in_shadow.shape}, samples have {samples.shape}")
+    band = _band(mask)
     if whole(seed, "verify: seed") < 0:
         raise InputError(f"verify: wanted a seed of at least 0, got {seed}")
     if count is not None and whole(count, "verify: count") < 1:
@@ -95,9 +110,53 @@ def verify(
     caster = Oracle().prepare(scene)
     truth = caster.shadow(light, drawn, clock).in_shadow
     differ = np.flatnonzero(truth != mask.in_shadow.reshape(-1)[chosen])
-    margin = caster.margin(light, drawn.take(differ), truth[differ])
     wrong = chosen[differ]
-    inside = np.zeros(len(wrong), bool)
-    if mask.guarantee is Guarantee.BANDED and mask.band is not None:
-        inside = margin <= mask.band.reshape(-1)[wrong]
-    return Verdict(len(chosen), len(wrong), int((~inside).sum()), int(inside.sum()), wrong, margin)
+    mistaken = drawn.take(differ)
+    if band is None:
+        margin = caster.margin(light, mistaken, truth[differ])
+        return Verdict(len(chosen), len(wrong), len(wrong), 0, wrong, margin)
+    margin = _distance_to_faces(scene, light, mistaken)
+    inside = int((margin <= band.reshape(-1)[wrong]).sum())
+    classes = _classes(scene, light, mistaken)
+    return Verdict(len(chosen), len(wrong), len(wrong) - inside, inside, wrong, margin, classes)
+
+
+def _band(mask: ShadowMask) -> NDArray[np.float32] | None:
+    """The band of a `BANDED` mask, which must have one; None for any other."""
+    if mask.guarantee is not Guarantee.BANDED:
+        return None
+    if not isinstance(mask.band, np.ndarray):
+        raise InputError(f"verify: mask.band: wanted an array for a BANDED mask, got {type(mask.band).__name__}")
+    shape = mask.in_shadow.shape
+    if mask.band.shape != shape or mask.band.dtype != np.float32:
+        raise InputError(f"verify: mask.band: wanted {shape} float32, got {mask.band.shape} {mask.band.dtype}")
+    return mask.band
+
+
+def _distance_to_faces(scene: Scene, light: Light, samples: ViewSamples) -> NDArray[np.float32]:
+    """`(n,)` lower bounds of the distance of each sample of a list to the nearest face of a volume but its own cap."""
+    own = samples.triangle >= 0
+    points, slack = samples.position.astype(np.float64), np.zeros(samples.size)
+    triangle = samples.triangle[own]
+    points[own] = surface_points(scene, triangle, samples.barycentric[own])
+    # At most 12 roundings along each axis of numbers no larger than the triangle's coordinates; 12 sqrt(3) < 32.
+    slack[own] = 2.0**-48 * np.abs(scene.positions[scene.triangles[triangle]]).max(axis=(1, 2), initial=0)
+    distance = face_distance(scene.positions, scene.triangles, light.position, points, samples.triangle)
+    # One step down: rounding to float32 must not make it larger.
+    return np.nextafter(np.maximum(distance - slack, 0).astype(np.float32), np.float32(0))
+
+
+def _classes(scene: Scene, light: Light, samples: ViewSamples) -> dict[str, int]:
+    """Number of mismatches by class. Samples that ignore their own triangle, or have none, are on a boundary."""
+    own = np.flatnonzero((samples.triangle >= 0) & (samples.side != 0))
+    triangle, side = samples.triangle[own], samples.side[own]
+    facing = facing_of_all(scene.positions, scene.triangles, light.position)[triangle]
+    a, b, c = np.moveaxis(scene.positions[scene.triangles[triangle]].astype(np.float64), 1, 0)
+    normal = np.cross(b - a, c - a)
+    source, w = light.position[:3].astype(np.float64), float(light.position[3])
+    to_light = source - w * surface_points(scene, triangle, samples.barycentric[own])
+    sine = np.abs((normal * to_light).sum(axis=1))
+    edge_on = sine <= _NEARLY_EDGE_ON * np.linalg.norm(normal, axis=1) * np.linalg.norm(to_light, axis=1)
+    # Where the own triangle shades the sample the truth is "in shadow", so that a mismatch means: the mask says lit.
+    facing_away = int((edge_on | (facing * side < 0)).sum())
+    return {"boundary": samples.size - facing_away, "facing away": facing_away}
