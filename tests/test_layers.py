@@ -24,7 +24,7 @@ LAYERS = [
     {"files"},
     {"formats"},
     {"image", "mask", "samples", "camera", "light", "scene", "material"},
-    {"geometry"},
+    {"gl", "geometry"},
     {"memory", "parallel", "clock", "checks"},
     {"errors"},
 ]

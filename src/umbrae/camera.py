@@ -115,6 +115,11 @@ class Camera:
         return cls.look_at(eye, target, up_axis, fov_y, width, height, near=1e-3 * distance)
 
     @property
+    def pixel_size(self) -> float:
+        """Height of a pixel's picture at distance 1 along the view direction, in world units."""
+        return 2.0 * math.tan(math.radians(self.fov_y) / 2) / self.height
+
+    @property
     def world_to_clip(self) -> NDArray[np.float64]:
         """`(3, 4)` float64: maps `(x, y, z, 1)` to `(X, Y, W)`, with `X / W`, `Y / W` in [-1, 1] across the picture.
 
@@ -123,6 +128,16 @@ class Camera:
         tan_y = math.tan(math.radians(self.fov_y) / 2)
         rows = self.axes * np.array([[self.height / (tan_y * self.width)], [1.0 / tan_y], [1.0]])
         return np.concatenate([rows, -(rows @ self.eye)[:, None]], axis=1)
+
+
+def pixel_offsets(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where a picture's samples lie within each pixel, `(count,)` x and `(count,)` y from its top left corner.
+
+    The R2 sequence (Roberts 2018) about the centre; one sample is at the centre.
+    """
+    steps = np.arange(count, dtype=np.float64) - (count - 1) / 2
+    plastic = 1.3247179572447460  # the real root of x**3 = x + 1
+    return (0.5 + steps / plastic) % 1.0, (0.5 + steps / plastic**2) % 1.0
 
 
 def _middle(offset: NDArray[np.float64], depth: NDArray[np.float64]) -> float:

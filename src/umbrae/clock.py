@@ -26,6 +26,10 @@ class Clock:
             self.spans.append((name, seconds))
             self.ended(name, seconds)
 
+    def record(self, name: str, seconds: float) -> None:
+        """Note a time that was measured elsewhere, such as by a GPU."""
+        self.spans.append((name, seconds))
+
     def seconds(self) -> dict[str, float]:
         """Total seconds per span name."""
         total: dict[str, float] = {}

@@ -5,7 +5,8 @@
     │   ├── ModelError          a model file: missing, unreadable, malformed, empty
     │   ├── OptionError         an unknown method, option or combination
     │   └── OutputError         a path that cannot be written
-    └── CapacityError           the work would not fit into memory; says how much it would take
+    ├── CapacityError           the work would not fit into memory; says how much it would take
+    └── GraphicsError           no OpenGL 4.5, or it failed; says what is missing and what works without
 
 Messages are one line. They name what is wrong, where, and what was wanted. The command line prints them on stderr
 and exits with status 2.
@@ -34,6 +35,10 @@ class OutputError(InputError):
 
 class CapacityError(UmbraeError):
     """Work that would not fit into memory; the message carries the estimate."""
+
+
+class GraphicsError(UmbraeError):
+    """No OpenGL context, or one that failed: the message names what is missing, and the way out."""
 
 
 class RecentredWarning(UserWarning):

@@ -10,6 +10,16 @@ _SMOOTH_COSINE = 0.7
 """A facet that turns more than 45 degrees away from a vertex normal is an edge there, not a rounding."""
 
 
+def facet_normals(positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> NDArray[np.float32]:
+    """`(t, 3) float32` unit normals of the triangles; zero without area."""
+    corners = positions.astype(np.float64)[triangles]
+    sides = corners[:, 1:] - corners[:, :1]
+    sides /= np.abs(sides).max(axis=(1, 2), keepdims=True, initial=1e-300)
+    normals = np.cross(sides[:, 0], sides[:, 1])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0).astype(np.float32)
+
+
 @inline
 def facet_normal(positions: NDArray[np.float32], a: int, b: int, c: int) -> Vec3:
     """Unit normal of triangle `a b c` by its winding; zero when it has no area."""

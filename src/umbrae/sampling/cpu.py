@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.camera import Camera
+from umbrae.camera import Camera, pixel_offsets
 from umbrae.checks import instance
 from umbrae.clock import Clock
 from umbrae.errors import OptionError
@@ -78,7 +78,7 @@ def sample(scene: Scene, camera: Camera, samples_per_pixel: int = 1, clock: Cloc
         total * _BYTES_PER_SAMPLE + len(scene.positions) * 24 + len(scene.triangles) * 16,
         f"a picture of {width} x {height} pixels with {per_pixel} samples each",
     )
-    picture = Picture(width, height, camera.near, *_offsets(per_pixel))
+    picture = Picture(width, height, camera.near, *pixel_offsets(per_pixel))
     geometry = project(scene, camera)
     surface = _surface(scene)
     band_rows = max(1, min(_BAND_ROWS, _BAND_SAMPLES // (width * per_pixel)))
@@ -111,13 +111,6 @@ def sample(scene: Scene, camera: Camera, samples_per_pixel: int = 1, clock: Cloc
         depth=depth.reshape(shape),
         camera=camera,
     )
-
-
-def _offsets(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Places within a pixel: the R2 sequence (Roberts 2018) about the centre; one sample is at the centre."""
-    steps = np.arange(count, dtype=np.float64) - (count - 1) / 2
-    plastic = 1.3247179572447460  # the real root of x**3 = x + 1
-    return (0.5 + steps / plastic) % 1.0, (0.5 + steps / plastic**2) % 1.0
 
 
 def _surface(scene: Scene) -> _Surface:

@@ -1,0 +1,204 @@
+"""The one OpenGL context of this process, made when it is first asked for and kept.
+
+`UMBRAE_GL` chooses how: `egl` (the default) needs no window system, `glfw` opens a hidden window, `off` refuses.
+`UMBRAE_GL_DEVICE` is the number of the EGL device, where there are several.
+"""
+
+import ctypes
+import ctypes.util
+import os
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any
+
+from umbrae.errors import GraphicsError
+
+MINIMUM = 450
+WAY_OUT = "the method `frustum` needs no OpenGL"
+_INSTALL_PYTHON = "pip install 'umbrae[gl]'"
+_INSTALL_SYSTEM = "apt-get install libegl1 libgl1-mesa-dri"
+
+_lock = threading.RLock()
+_kept: dict[int, "Session"] = {}  # by process: a forked child must not touch its parent's context
+
+
+@dataclass(eq=False)
+class Session:
+    """An OpenGL context with everything that is kept for it.
+
+    Attributes
+    ----------
+    moderngl
+        The `moderngl.Context`: buffers, programs, vertex arrays.
+    gl
+        The module `OpenGL.GL`, for what moderngl lacks.
+    kept
+        What others keep as long as the context lives (programs, targets), by a key of theirs.
+    """
+
+    moderngl: Any
+    gl: ModuleType
+    enter: Callable[[], None]
+    leave: Callable[[], None]
+    messages: list[str] = field(default_factory=list)
+    kept: dict[Any, Any] = field(default_factory=dict)
+    callback: Any = None
+
+    @contextmanager
+    def current(self) -> Iterator["Session"]:
+        """Make the context current in this thread; one thread at a time. Errors that OpenGL met inside are raised."""
+        with _lock:
+            self.enter()
+            try:
+                self.moderngl.gc()  # what was dropped in Python since, in whichever thread
+                yield self
+                self.check()
+            except GraphicsError:
+                self.forget_if_lost()
+                raise
+            finally:
+                self.messages.clear()
+                self.leave()
+
+    def check(self) -> None:
+        """Raise `GraphicsError` for errors that OpenGL has met since the last look."""
+        if self.gl.glGetGraphicsResetStatus() != self.gl.GL_NO_ERROR:
+            raise GraphicsError(f"the OpenGL context was lost (the driver was reset); try again, or {WAY_OUT}")
+        if self.messages:
+            text = " ".join(self.messages[0].split())
+            self.messages.clear()
+            if "OUT_OF_MEMORY" in text:
+                raise GraphicsError(f"out of OpenGL memory: {text}; a smaller picture needs less, {WAY_OUT}")
+            raise GraphicsError(f"OpenGL error: {text}")
+
+    def forget_if_lost(self) -> None:
+        """Let the next caller make a new context when this one was lost."""
+        if self.gl.glGetGraphicsResetStatus() != self.gl.GL_NO_ERROR:
+            _kept.pop(os.getpid(), None)
+
+    def integer(self, name: str) -> int:
+        """A limit of the driver, such as `GL_MAX_TEXTURE_SIZE`."""
+        return int(self.gl.glGetIntegerv(getattr(self.gl, name)))
+
+
+def session() -> Session:
+    """The context, made now if there is none.
+
+    Raises
+    ------
+    GraphicsError
+        Without OpenGL 4.5: says what is missing and how to get it.
+    """
+    with _lock:
+        found = _kept.get(os.getpid())
+        if found is None:
+            found = _kept[os.getpid()] = _make(os.environ.get("UMBRAE_GL", "egl"))
+        return found
+
+
+def close() -> None:
+    """Give the context back with everything kept for it; the next call of `session` makes a new one."""
+    with _lock:
+        found = _kept.pop(os.getpid(), None)
+        if found is not None:
+            found.enter()
+            found.kept.clear()
+            found.moderngl.gc()
+            found.leave()
+            found.moderngl.release()
+
+
+def _make(way: str) -> Session:
+    if way == "off":
+        raise GraphicsError(f"OpenGL is switched off (UMBRAE_GL=off); {WAY_OUT}")
+    if way not in ("egl", "glfw"):
+        raise GraphicsError(f"UMBRAE_GL: wanted egl, glfw or off, got {way!r}")
+    if way == "egl":
+        os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
+    try:
+        import moderngl
+        import OpenGL
+    except ImportError as error:
+        raise GraphicsError(f"the Python package {error.name} is missing: {_INSTALL_PYTHON}; {WAY_OUT}") from error
+    OpenGL.ERROR_CHECKING = False  # each call would ask; errors arrive as debug messages
+    OpenGL.ERROR_ON_COPY = True
+    if way == "egl" and ctypes.util.find_library("EGL") is None:
+        raise GraphicsError(f"libEGL is missing: {_INSTALL_SYSTEM}; {WAY_OUT}")
+    try:
+        made = _egl(moderngl) if way == "egl" else _glfw(moderngl)
+    except GraphicsError:
+        raise
+    except Exception as error:  # whatever the loader, the driver and moderngl raise
+        reason = " ".join(str(error).split())
+        raise GraphicsError(
+            f"no OpenGL {MINIMUM // 100}.{MINIMUM % 100 // 10} context through {way}: {reason}; "
+            f"software drivers: {_INSTALL_SYSTEM}; {WAY_OUT}"
+        ) from error
+    return made
+
+
+def _egl(moderngl: ModuleType) -> Session:
+    device = os.environ.get("UMBRAE_GL_DEVICE", "0")
+    if not device.isdecimal():
+        raise GraphicsError(f"UMBRAE_GL_DEVICE: wanted the number of a device, got {device!r}")
+    context = moderngl.create_context(standalone=True, backend="egl", require=MINIMUM, device_index=int(device))
+    made = _session(
+        context, enter=lambda: context.mglo.__enter__(), leave=lambda: context.mglo.__exit__(None, None, None)
+    )
+    # Its maker's thread lets go of it, so that any thread can take it. (PyOpenGL's EGL does not import when its error
+    # checks are off.)
+    library = ctypes.CDLL(ctypes.util.find_library("EGL"))
+    library.eglGetCurrentDisplay.restype = ctypes.c_void_p
+    library.eglMakeCurrent.argtypes = [ctypes.c_void_p] * 4
+    library.eglMakeCurrent(library.eglGetCurrentDisplay(), None, None, None)
+    return made
+
+
+def _glfw(moderngl: ModuleType) -> Session:
+    try:
+        import glfw
+    except ImportError as error:
+        raise GraphicsError(f"UMBRAE_GL=glfw needs the Python package glfw: pip install glfw; {WAY_OUT}") from error
+    if not glfw.init():
+        raise GraphicsError(f"UMBRAE_GL=glfw: no window system to be found; UMBRAE_GL=egl needs none, {WAY_OUT}")
+    for hint, value in (
+        (glfw.VISIBLE, False),
+        (glfw.CONTEXT_VERSION_MAJOR, MINIMUM // 100),
+        (glfw.CONTEXT_VERSION_MINOR, MINIMUM % 100 // 10),
+        (glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE),
+    ):
+        glfw.window_hint(hint, value)
+    window = glfw.create_window(16, 16, "Umbrae", None, None)
+    if not window:
+        raise GraphicsError(f"UMBRAE_GL=glfw: the window system gives no OpenGL 4.5; {WAY_OUT}")
+    glfw.make_context_current(window)
+    made = _session(
+        moderngl.create_context(require=MINIMUM),
+        enter=lambda: glfw.make_context_current(window),
+        leave=lambda: glfw.make_context_current(None),
+    )
+    made.leave()
+    return made
+
+
+def _session(context: Any, enter: Callable[[], None], leave: Callable[[], None]) -> Session:
+    """Wrap a context that is current: from now on errors are heard, and dropped objects wait for `gc`."""
+    from OpenGL import GL
+
+    context.gc_mode = "context_gc"
+    made = Session(context, GL, enter, leave)
+
+    def heard(_source: int, kind: int, _id: int, _severity: int, length: int, text: Any, _user: Any) -> None:
+        if kind == GL.GL_DEBUG_TYPE_ERROR:
+            made.messages.append(ctypes.string_at(text, length).decode(errors="replace"))
+
+    made.callback = GL.GLDEBUGPROC(heard)  # kept: OpenGL holds no reference of its own
+    GL.glEnable(GL.GL_DEBUG_OUTPUT)
+    GL.glEnable(GL.GL_DEBUG_OUTPUT_SYNCHRONOUS)
+    GL.glDebugMessageCallback(made.callback, None)
+    # Row 0 is the top row, as in all pictures; depth in [0, 1] keeps the digits of reversed depth.
+    GL.glClipControl(GL.GL_UPPER_LEFT, GL.GL_ZERO_TO_ONE)
+    return made

@@ -1,0 +1,72 @@
+// Light caps (the casting triangles) and dark caps (the same at infinity), oriented like their volume.
+
+#include "camera.glsl"
+#include "multiplicity.glsl"
+#include "count.glsl"
+
+#ifdef VERTEX_SHADER
+in vec3 position;
+out vec3 corner;
+
+void main() {
+    corner = position;
+}
+#endif
+
+#ifdef GEOMETRY_SHADER
+layout(triangles) in;
+layout(triangle_strip, max_vertices = 6) out;
+layout(std430, binding = 0) readonly buffer Caps { int cap_of_primitive[]; };
+#ifdef FACING_FROM_BUFFER
+layout(std430, binding = 1) readonly buffer Facing { int facing_of_cap[]; };
+#endif
+in vec3 corner[];
+flat out int weight;
+flat out int cap;
+
+void emit_triangle(vec4 a, vec4 b, vec4 c, int side, int id) {
+    vec4 corners[3] = vec4[3](a, b, c);
+    for (int i = 0; i < 3; i++) {
+#ifdef FLOAT_COUNTER
+        gl_Position = corners[i];
+        weight = side;
+#else
+        gl_Position = corners[side > 0 ? i : 2 - i];
+#endif
+        cap = id;
+        EmitVertex();
+    }
+    EndPrimitive();
+}
+
+void main() {
+    int id = cap_of_primitive[gl_PrimitiveIDIn];
+#ifdef FACING_FROM_BUFFER
+    int side = facing_of_cap[id];
+#else
+    int side = contribution(0, 1, 2, corner[0], corner[1], corner[2]);
+#endif
+    if (side == 0) return;
+    emit_triangle(project_point(corner[0]), project_point(corner[1]), project_point(corner[2]), side, id);
+#ifdef DARK_CAPS
+    if (light.w != 0.0)  // else it is a point
+        emit_triangle(project_shadow(corner[0]), project_shadow(corner[1]), project_shadow(corner[2]), -side, -1);
+#endif
+}
+#endif
+
+#ifdef FRAGMENT_SHADER
+uniform isampler2D own_cap;  // of each sample
+flat in int cap;
+
+// A sample lies just off its own triangle, on the side of the eye: that cap is behind it, whatever depths say.
+void main() {
+    bool own = cap >= 0 && cap == texelFetch(own_cap, ivec2(gl_FragCoord.xy), 0).r;
+#ifdef BEHIND
+    gl_FragDepth = own ? 0.0 : gl_FragCoord.z;
+#else
+    if (own) discard;
+#endif
+    count_face();
+}
+#endif

@@ -1,0 +1,148 @@
+"""What z-pass must know of the eye: where its counter starts, and which caps a view ray may cross.
+
+The counter starts at the number of volumes that hold the eye. Every view ray starts there, so one number serves the
+whole picture. It is right as long as the eye that OpenGL computes with, rounded to float32, lies in the same volumes:
+that is, farther from all their faces than the rounding.
+
+A light cap is a triangle of the scene, so no ray crosses one on its way to what it sees: caps need not be drawn. Three
+kinds are exceptions: surfaces with holes, what lies nearer than the near plane, and triangles at a contour. The latter
+because the rasterizer moves vertices to its subpixel grid, so a volume may reach over a pixel's centre that the ray
+of the exact sample misses; the ray then enters through a side and leaves through the cap. Away from contours, where as
+many triangles lie on one side of each edge as on the other, the ray meets the neighbour instead.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae.geometry.predicates import facing, filtered_determinant
+from umbrae.parallel import inline, kernel, run
+
+_CHUNK = 1 << 14
+
+
+class EyeCount(NamedTuple):
+    """`volumes`: how many hold the eye; `clear`: whether it keeps its distance from every face of every volume."""
+
+    volumes: int
+    clear: bool
+
+
+def count_at_eye(
+    positions: NDArray[np.float32],
+    triangles: NDArray[np.int32],
+    light: NDArray[np.float32],
+    eye: NDArray[np.float64],
+    distance: float,
+) -> EyeCount:
+    """Count the triangles whose shadow volume holds `eye (3,)`; `distance` in world units is what faces must keep."""
+    chunks = _chunks(len(triangles))
+    source = light.astype(np.float64)
+
+    def task(index: int) -> tuple[int, int]:
+        held, near = _count(positions, triangles, source, eye, distance, *chunks[index])
+        return held, near
+
+    found = run(task, len(chunks))
+    return EyeCount(sum(held for held, _ in found), not any(near for _, near in found))
+
+
+@inline
+def _normal_length(rx, ry, rz, ex, ey, ez):
+    x, y, z = ry * ez - rz * ey, rz * ex - rx * ez, rx * ey - ry * ex
+    return np.sqrt(x * x + y * y + z * z)
+
+
+@inline
+def _signed_distance(rx, ry, rz, ex, ey, ez, dx, dy, dz):
+    """Of the point at `d` from the plane spanned by r and e, in float64; 0 where they span none."""
+    value, _ = filtered_determinant(rx, ry, rz, ex, ey, ez, dx, dy, dz, 0.0)
+    length = _normal_length(rx, ry, rz, ex, ey, ez)
+    return value / length if length > 0.0 else 0.0
+
+
+@kernel
+def _count(positions, triangles, light, eye, distance, start, stop):
+    held, near = 0, 0
+    corner = np.empty((3, 3))
+    for t in range(start, stop):
+        for k in range(3):
+            for axis in range(3):
+                corner[k, axis] = positions[triangles[t, k], axis]
+        toward = facing(positions, triangles, t, light)
+        if toward == 0:
+            continue
+        a = corner[0]
+        least = -toward * _signed_distance(
+            corner[1, 0] - a[0], corner[1, 1] - a[1], corner[1, 2] - a[2],
+            corner[2, 0] - a[0], corner[2, 1] - a[1], corner[2, 2] - a[2],
+            eye[0] - a[0], eye[1] - a[1], eye[2] - a[2],
+        )  # fmt: skip
+        for k in range(3):
+            if least < -distance:
+                break
+            p, q = corner[k], corner[(k + 1) % 3]
+            least = min(least, -toward * _signed_distance(
+                light[3] * p[0] - light[0], light[3] * p[1] - light[1], light[3] * p[2] - light[2],
+                q[0] - p[0], q[1] - p[1], q[2] - p[2],
+                eye[0] - p[0], eye[1] - p[1], eye[2] - p[2],
+            ))  # fmt: skip
+        if least > distance:
+            held += 1
+        elif least >= -distance:
+            near += 1
+    return held, near
+
+
+def contour_vertices(
+    positions: NDArray[np.float32],
+    triangles: NDArray[np.int32],
+    offsets: NDArray[np.int64],
+    edge_triangle: NDArray[np.int32],
+    edge_sign: NDArray[np.int8],
+    edge_vertices: NDArray[np.int32],
+    eye: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """`(v,)` the vertices of edges that have not as many triangles on one side as on the other, seen from `eye (3,)`."""
+    side = np.empty(len(triangles), np.int8)
+    marked = np.zeros(len(positions), bool)
+    triangle_chunks, edge_chunks = _chunks(len(triangles)), _chunks(len(edge_vertices))
+    run(lambda i: _sides(positions, triangles, eye, *triangle_chunks[i], side), len(triangle_chunks))
+    run(
+        lambda i: _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, *edge_chunks[i], marked),
+        len(edge_chunks),
+    )
+    return marked
+
+
+def _chunks(count: int) -> list[tuple[int, int]]:
+    return [(start, min(start + _CHUNK, count)) for start in range(0, count, _CHUNK)]
+
+
+@kernel
+def _sides(positions, triangles, eye, start, stop, side):
+    """The side of each triangle that the eye sees, in float64; 0 where rounding leaves it open."""
+    for t in range(start, stop):
+        i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ax, ay, az = np.float64(positions[i, 0]), np.float64(positions[i, 1]), np.float64(positions[i, 2])
+        value, bound = filtered_determinant(
+            positions[j, 0] - ax, positions[j, 1] - ay, positions[j, 2] - az,
+            positions[k, 0] - ax, positions[k, 1] - ay, positions[k, 2] - az,
+            eye[0] - ax, eye[1] - ay, eye[2] - az, 0.0,
+        )  # fmt: skip
+        side[t] = 1 if value > bound else (-1 if value < -bound else 0)
+
+
+@kernel
+def _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, start, stop, marked):
+    for edge in range(start, stop):
+        total = 0
+        open_case = False
+        for entry in range(offsets[edge], offsets[edge + 1]):
+            seen = side[edge_triangle[entry]]
+            total += edge_sign[entry] * seen
+            open_case = open_case or seen == 0
+        if total != 0 or open_case:
+            marked[edge_vertices[edge, 0]] = True
+            marked[edge_vertices[edge, 1]] = True

@@ -1,0 +1,342 @@
+"""What all shadow volume methods share: options, the passes of a frame, the band."""
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae.camera import Camera
+from umbrae.checks import shown
+from umbrae.clock import Clock
+from umbrae.errors import InputError, OptionError
+from umbrae.geometry.normals import facet_normals
+from umbrae.gl.context import Session, session
+from umbrae.gl.program import program
+from umbrae.gl.state import count_faces, write_depth
+from umbrae.gl.targets import CountTarget, count_target
+from umbrae.gl.timers import stage
+from umbrae.light import Light
+from umbrae.mask import Guarantee, ShadowMask
+from umbrae.memory import require
+from umbrae.methods.method import Caster, Method
+from umbrae.methods.volumes.eye import contour_vertices, count_at_eye
+from umbrae.methods.volumes.mesh import volume_mesh
+from umbrae.methods.volumes.view import Rounding, Uniforms, apply, view_uniforms
+from umbrae.samples import ViewSamples
+from umbrae.scene import Scene
+
+HERE = Path(__file__).parent
+COUNTING = ("auto", "zpass", "zfail")
+COUNTER = ("auto", "stencil", "float")
+DETERMINISM = {"reference-edge": 0, "three-edge": 1, "none": 2}
+CONSTANTS = {"REFERENCE_EDGE": 0, "THREE_EDGE": 1, "NONE": 2}
+"""What shaders call the values of `DETERMINISM`."""
+_BYTES_PER_SAMPLE = 24
+_STENCIL_LEVELS = 256
+
+
+@dataclass(frozen=True)
+class VolumeMethod(Method):
+    """A shadow volume method; all have these options.
+
+    Options
+    -------
+    counting
+        `zpass` counts the faces between the eye and the sample, starting from the number of volumes that hold the eye;
+        `zfail` those beyond the sample, and needs caps. `auto` takes `zpass` unless the eye is nearer to a face than
+        rounding allows; asked for by name, `zpass` refuses there.
+    counter
+        `stencil` has 8 bits, wraps around, and counts by ones; `float` is a 32-bit float target with additive blending
+        that takes any step. `auto` takes the stencil only where no sample can lie in 256 volumes or more.
+    """
+
+    counting: str = "auto"
+    counter: str = "auto"
+
+    guarantee: ClassVar[Guarantee] = Guarantee.BANDED
+    needs: ClassVar[str] = "OpenGL 4.5, a picture"
+
+    def __post_init__(self) -> None:
+        _one_of(self.counting, COUNTING, f"{self.name}: counting")
+        _one_of(self.counter, COUNTER, f"{self.name}: counter")
+
+
+@dataclass(frozen=True)
+class SilhouetteMethod(VolumeMethod):
+    """A method that finds silhouettes by multiplicity.
+
+    Options
+    -------
+    determinism
+        How the triangles' sides are kept consistent: `reference-edge` decides once for each triangle (Milet et al.),
+        `three-edge` drops triangles whose three edges disagree (Peciva et al. 2013), `none` asks anew at each edge (Kim
+        et al. 2008). The last two are here to be compared with; they promise nothing.
+    """
+
+    determinism: str = "reference-edge"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _one_of(self.determinism, tuple(DETERMINISM), f"{self.name}: determinism")
+
+    @property
+    def constants(self) -> dict[str, int | str]:
+        """For shaders that include `multiplicity.glsl`."""
+        return {**CONSTANTS, "DETERMINISM": DETERMINISM[self.determinism]}
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """What the passes of one frame have in common."""
+
+    light: Light
+    behind: bool
+    stencil: bool
+    uniforms: Uniforms
+    every_face: bool = False
+
+    @property
+    def constants(self) -> dict[str, int | str]:
+        """For shaders that include `count.glsl`."""
+        if self.every_face:
+            return {"FLOAT_COUNTER": 1, "EVERY_FACE": 1}
+        return {} if self.stencil else {"FLOAT_COUNTER": 1}
+
+
+class VolumeCaster(Caster):
+    """A scene's welded geometry in OpenGL buffers. Methods derive from it and draw the sides of the volumes."""
+
+    def __init__(self, scene: Scene, method: VolumeMethod, clock: Clock | None) -> None:
+        clock = clock or Clock()
+        self.scene, self.method = scene, method
+        self.session: Session = session()
+        with clock.span("weld"):
+            self.mesh = volume_mesh(scene)
+        materials = np.array([material.alpha_mode != "OPAQUE" for material in scene.materials])
+        self._see_through = materials[scene.material_id][self.mesh.source]
+        self._normals = facet_normals(scene.positions, scene.triangles)
+        with self.session.current():
+            self.vertices = self.buffer(self.mesh.positions)
+            self._triangles = self.buffer(self.mesh.triangles)
+            self._cap_of = self.buffer(self.mesh.cap_of[self.mesh.source])
+            if len(self.mesh.triangles):
+                self.upload(clock)
+
+    def buffer(self, values: NDArray[Any]) -> Any:
+        """An OpenGL buffer with these values; never empty, which OpenGL does not allow."""
+        data = np.ascontiguousarray(values).tobytes() or bytes(4)
+        return self.session.moderngl.buffer(data)
+
+    def upload(self, clock: Clock) -> None:
+        """Make what depends on the geometry alone, with the context current."""
+
+    @property
+    def cap_constants(self) -> dict[str, int | str]:
+        """How `caps.glsl` learns which way a triangle faces."""
+        return {**CONSTANTS, "DETERMINISM": 0}
+
+    def extract(self, frame: Frame, clock: Clock) -> dict[str, int]:
+        """Do the work that depends on the light but not on the camera; returns counters."""
+        return {}
+
+    @abstractmethod
+    def draw_sides(self, frame: Frame) -> None:
+        """Draw the side faces of all volumes."""
+
+    def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
+        clock = clock or Clock()
+        count, rounding, stats = self._count(light, samples, clock)
+        with clock.span("mask"):
+            in_shadow = (count != 0) & samples.covered
+            band = rounding.band(samples, self._normals)
+        return ShadowMask(in_shadow, self.promise, band, stats)
+
+    def count(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> NDArray[np.int32]:
+        """`(h, w)` or `(h, w, s) int32` how many volumes hold each sample: what the counter says in the end."""
+        return self._count(light, samples, clock or Clock())[0]
+
+    def faces_before(self, light: Light, samples: ViewSamples, outlines: bool = False) -> NDArray[np.int32]:
+        """`(h, w) int32` how many side faces of volumes lie between the eye and each pixel, or edges of such faces.
+
+        For looking at the volumes. `samples` are a picture with one sample in each pixel.
+        """
+        camera = self._camera_of(samples)
+        if not len(self.mesh.triangles):
+            return np.zeros(samples.shape, np.int32)
+        with self.session.current() as current:
+            target = count_target(current, camera.width, camera.height, stencil=False)
+            frame = Frame(light, False, False, view_uniforms(camera, light, self.mesh.scale, 0, 1), every_face=True)
+            self.extract(frame, Clock())
+            self._draw_depth(target, frame, samples, 0)
+            count_faces(current, target, behind=False, outlines=outlines)
+            self.draw_sides(frame)
+            return target.read()
+
+    @property
+    def promise(self) -> Guarantee:
+        """The guarantee with the options that were chosen."""
+        weak = isinstance(self.method, SilhouetteMethod) and self.method.determinism != "reference-edge"
+        return Guarantee.NONE if weak else Guarantee.BANDED
+
+    def _count(
+        self, light: Light, samples: ViewSamples, clock: Clock
+    ) -> tuple[NDArray[np.int32], Rounding, dict[str, int]]:
+        """The counter for every sample, how far off faces may be drawn, and what was done."""
+        samples.check(self.scene)
+        camera = self._camera_of(samples)
+        per_pixel = samples.shape[2] if len(samples.shape) == 3 else 1
+        count = np.zeros((camera.height, camera.width, per_pixel), np.int32)
+        with self.session.current() as current:
+            rounding = Rounding.of(self.scene, camera, light, current.integer("GL_SUBPIXEL_BITS"))
+            stats: dict[str, int] = {}
+            if len(self.mesh.triangles):
+                require(samples.size * _BYTES_PER_SAMPLE, f"shadows by {self.method.name}")
+                stats = self._fill(current, light, camera, samples, rounding, count, clock)
+        return count.reshape(samples.shape), rounding, stats
+
+    def _fill(
+        self,
+        current: Session,
+        light: Light,
+        camera: Camera,
+        samples: ViewSamples,
+        rounding: Rounding,
+        count: NDArray[np.int32],
+        clock: Clock,
+    ) -> dict[str, int]:
+        per_pixel = count.shape[2]
+        with clock.span("eye"):
+            behind, start = self._counting(light, camera, rounding.world)
+        frames = [
+            Frame(light, behind, self._stencil, view_uniforms(camera, light, self.mesh.scale, sample, per_pixel))
+            for sample in range(per_pixel)
+        ]
+        with clock.span("contours"):
+            capped = self._capped(camera, behind)
+        target = count_target(current, camera.width, camera.height, self._stencil)
+        with stage(current, clock, "extract"):
+            stats = self.extract(frames[0], clock)
+        for sample, frame in enumerate(frames):
+            part = samples if len(samples.shape) == 2 else _part(samples, sample)
+            with stage(current, clock, "depth"):
+                self._draw_depth(target, frame, part, start)
+            count_faces(current, target, behind)
+            with stage(current, clock, "sides"):
+                self.draw_sides(frame)
+            if len(capped):
+                with stage(current, clock, "caps"):
+                    self._draw_caps(frame, part, capped)
+            with clock.span("read"):
+                count[..., sample] = target.read()
+        return {**stats, "zfail": int(behind), "volumes_at_eye": start, "caps": len(capped)}
+
+    @property
+    def _stencil(self) -> bool:
+        if self.method.counter == "auto":
+            return len(self.mesh.triangles) < _STENCIL_LEVELS
+        return self.method.counter == "stencil"
+
+    def _counting(self, light: Light, camera: Camera, distance: float) -> tuple[bool, int]:
+        """Whether to count behind the samples, and where the counter starts."""
+        if self.method.counting == "zfail":
+            return True, 0
+        scene = self.scene
+        held = count_at_eye(scene.positions, scene.triangles, light.position, camera.eye, distance)
+        if not held.clear and self.method.counting == "zpass":
+            raise OptionError(
+                f"{self.method.name}: counting='zpass' cannot be trusted here: the eye is within {distance:.3g} of a "
+                "shadow volume's face; 'auto' takes zfail"
+            )
+        return (False, held.volumes) if held.clear else (True, 0)
+
+    def _capped(self, camera: Camera, behind: bool) -> NDArray[np.int32]:
+        """`(n,)` triangles of the mesh whose caps must be drawn: all of them for z-fail, few for z-pass (see `eye`)."""
+        mesh, topology = self.mesh, self.mesh.edges
+        if behind:
+            return np.arange(len(mesh.triangles), dtype=np.int32)
+        depth = (mesh.positions / mesh.scale - camera.eye) @ camera.axes[2]
+        at_contour = contour_vertices(
+            mesh.positions, mesh.triangles, topology.offsets, topology.triangle, mesh.sign, topology.vertices,
+            camera.eye * mesh.scale,
+        )  # fmt: skip
+        marked = at_contour | (depth < camera.near * 1.001)
+        return np.flatnonzero(self._see_through | marked[mesh.triangles].any(axis=1)).astype(np.int32)
+
+    def _draw_depth(self, target: CountTarget, frame: Frame, samples: ViewSamples, start: int) -> None:
+        target.clear(start % _STENCIL_LEVELS if target.stencil else start)
+        drawn = program(self.session, HERE / "depth.glsl")
+        apply(drawn, frame.uniforms)
+        write_depth(self.session, target)
+        assert samples.depth is not None
+        self._texture("distances", samples.depth).use(0)
+        drawn["distances"].value = 0
+        self._vertex_array(drawn, []).render(self.session.moderngl.TRIANGLES, vertices=3)
+
+    def _draw_caps(self, frame: Frame, samples: ViewSamples, capped: NDArray[np.int32]) -> None:
+        constants: dict[str, int | str] = {**self.cap_constants, **frame.constants}
+        if frame.behind:
+            constants |= {"BEHIND": 1, "DARK_CAPS": 1}
+        drawn = program(self.session, HERE / "caps.glsl", constants)
+        self.prepare_program(drawn, frame)
+        own = np.where(samples.triangle >= 0, self.mesh.cap_of[samples.triangle], np.int32(-1))
+        self._texture("own_cap", own).use(0)
+        drawn["own_cap"].value = 0
+        triangles, caps = self._triangles, self._cap_of
+        if not frame.behind:
+            triangles = self.buffer(self.mesh.triangles[capped])
+            caps = self.buffer(self.mesh.cap_of[self.mesh.source[capped]])
+        caps.bind_to_storage_buffer(0)
+        array = self._vertex_array(drawn, [(self.vertices, "3f", "position")], triangles)
+        array.render(self.session.moderngl.TRIANGLES)
+
+    def prepare_program(self, drawn: Any, frame: Frame) -> None:
+        """Set the uniforms of a program that counts faces."""
+        apply(drawn, frame.uniforms)
+        if "entering" in drawn:
+            drawn["entering"].value = -1.0 if frame.behind else 1.0
+
+    def _vertex_array(self, drawn: Any, content: list[Any], index: Any = None) -> Any:
+        return self.session.moderngl.vertex_array(drawn, content, index)
+
+    def _texture(self, name: str, values: NDArray[Any]) -> Any:
+        """A texture with one channel of 32 bits, `(h, w)` values from the top; kept and written anew."""
+        height, width = values.shape
+        key = ("texture", name, width, height)
+        kept = self.session.kept
+        if key not in kept:
+            for other in [other for other in kept if other[:2] == key[:2]]:
+                kept.pop(other).release()
+            kept[key] = self.session.moderngl.texture((width, height), 1, dtype="f4" if values.dtype == "f4" else "i4")
+        kept[key].write(np.ascontiguousarray(values))
+        return kept[key]
+
+    def _camera_of(self, samples: ViewSamples) -> Camera:
+        camera, shape = samples.camera, samples.shape
+        if camera is None or samples.depth is None or len(shape) < 2 or shape[:2] != (camera.height, camera.width):
+            raise InputError(
+                f"{self.method.name}: wanted the samples of a whole picture, got {'x'.join(map(str, shape))} points "
+                "without one; the method `frustum` takes points"
+            )
+        return camera
+
+
+def _part(samples: ViewSamples, index: int) -> ViewSamples:
+    """One sample of each pixel, as a picture `(h, w)`."""
+    assert samples.depth is not None
+    return ViewSamples(
+        triangle=samples.triangle[..., index],
+        barycentric=samples.barycentric[..., index, :],
+        side=samples.side[..., index],
+        position=samples.position[..., index, :],
+        covered=samples.covered[..., index],
+        depth=samples.depth[..., index],
+        camera=samples.camera,
+    )
+
+
+def _one_of(value: str, known: tuple[str, ...], name: str) -> None:
+    if value not in known:
+        raise OptionError(f"{name}: wanted one of {', '.join(known)}, got {shown(value)}")

@@ -1,0 +1,109 @@
+"""The camera and the light as shaders want them, and how far what they compute may be off."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae.camera import Camera, pixel_offsets
+from umbrae.light import Light
+from umbrae.parallel import kernel, run
+from umbrae.samples import ViewSamples
+from umbrae.scene import Scene
+
+_CHUNK = 1 << 16
+
+Uniforms = Mapping[str, Any]
+
+
+def view_uniforms(camera: Camera, light: Light, scale: float, sample: int, per_pixel: int) -> Uniforms:
+    """What `camera.glsl` needs, in units of 1 / `scale`; `sample` of `per_pixel` lies off the pixels' centres."""
+    eye = camera.eye * scale
+    high = eye.astype(np.float32)
+    x, y, forward = camera.world_to_clip[:, :3]
+    across, down = (offsets[sample] for offsets in pixel_offsets(per_pixel))
+    # Moving the picture by part of a pixel brings the sample to the pixel's centre.
+    x = x + (1.0 - 2.0 * across) / camera.width * forward
+    y = y - (1.0 - 2.0 * down) / camera.height * forward
+    position = light.position.astype(np.float64)
+    position[:3] *= 2.0 ** -np.frexp(np.abs(position[:3]).max())[1] if light.is_directional else scale
+    return {
+        "eye_high": tuple(high.tolist()),
+        "eye_low": tuple((eye - high).tolist()),
+        "picture_x": tuple(x.tolist()),
+        "picture_y": tuple(y.tolist()),
+        "forward": tuple(forward.tolist()),
+        # Half of what would bring the near plane to depth 1: faces before it, clamped to 1, stay strictly nearer.
+        "depth_scale": 0.5 * camera.near * scale,
+        "light": tuple(position.tolist()),
+        "world_scale": scale,
+    }
+
+
+def apply(program: Any, uniforms: Uniforms) -> None:
+    """Set those uniforms that the program uses."""
+    for name, value in uniforms.items():
+        if name in program:
+            program[name].value = value
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """How far a face of a volume may be drawn from where it is: `pixel` for each unit of distance, plus `world`.
+
+    Vertices are rounded to the driver's subpixel grid: at most half a step in x and in y, which moves every point of
+    a face by less than one step of the grid, at its own depth (a point of a triangle is an affine combination of its
+    corners, before and after). That is `pixel_size / 2**bits` at distance 1. Depths are float32, formed by one division
+    and interpolated with two products: 2**-20 of the distance has room for 8 roundings, and for what the slopes of a
+    face lose over a picture of 2**12 pixels, where that is less than a step of the grid. The sample's own triangle is
+    moved like any other, and with it the sample, as far along the view ray as the triangle is steep: by the distance
+    across, divided by the cosine between ray and normal.
+
+    Before that, coordinates are rounded in float32: relative to the eye (2 roundings), projected (5), clipped (3), each
+    by 2**-24 of the vertex's distance from the eye; directions away from the light once, and projected, by as much of
+    the distance from the light. Over three axes that stays below 2**-19 of the two distances' sum, `world`.
+    """
+
+    pixel: float
+    world: float
+
+    @classmethod
+    def of(cls, scene: Scene, camera: Camera, light: Light, subpixel_bits: int) -> "Rounding":
+        low, high = scene.bounds.astype(np.float64)
+        reach = float(np.linalg.norm(np.maximum(np.abs(high - camera.eye), np.abs(low - camera.eye))))
+        position = light.position[:3].astype(np.float64)
+        if light.is_directional:
+            reach += float(np.linalg.norm(high - low))
+        else:
+            reach += float(np.linalg.norm(np.maximum(np.abs(high - position), np.abs(low - position))))
+        return cls(camera.pixel_size * 2.0**-subpixel_bits + 2.0**-20, reach * 2.0**-19)
+
+    def band(self, samples: ViewSamples, normals: NDArray[np.float32]) -> NDArray[np.float32]:
+        """`(...)` world units, 0 for background; `normals (t, 3)` are the triangles' own, of length 1."""
+        assert samples.depth is not None and samples.camera is not None
+        band = np.empty(samples.size, np.float32)
+        chunks = range(0, samples.size, _CHUNK)
+        arrays = samples.depth.reshape(-1), samples.triangle.reshape(-1), samples.position.reshape(-1, 3)
+        eye = samples.camera.eye
+
+        def task(index: int) -> None:
+            start, stop = chunks[index], min(chunks[index] + _CHUNK, samples.size)
+            _band(*arrays, normals, eye, self.pixel, self.world, start, stop, band)
+
+        run(task, len(chunks))
+        return band.reshape(samples.shape)
+
+
+@kernel
+def _band(depth, triangle, position, normals, eye, pixel, world, start, stop, band):
+    for i in range(start, stop):
+        t = triangle[i]
+        if t < 0:
+            band[i] = 0.0
+            continue
+        x, y, z = position[i, 0] - eye[0], position[i, 1] - eye[1], position[i, 2] - eye[2]
+        along = abs(normals[t, 0] * x + normals[t, 1] * y + normals[t, 2] * z)
+        steep = np.sqrt(x * x + y * y + z * z) / along if along > 0.0 else np.inf
+        band[i] = depth[i] * pixel * steep + world
