@@ -1,6 +1,8 @@
 """The shadow algorithms, one visible line each."""
 
+import dataclasses
 import difflib
+from typing import Any
 
 from umbrae.checks import instance, shown
 from umbrae.clock import Clock
@@ -10,28 +12,41 @@ from umbrae.mask import ShadowMask
 from umbrae.methods.frustum_cpu import Frustum
 from umbrae.methods.method import Caster, Method
 from umbrae.methods.oracle import Oracle
+from umbrae.methods.volumes.silhouette_cpu import SilhouetteCpu
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
 METHODS: dict[str, type[Method]] = {
     "oracle": Oracle,
     "frustum": Frustum,
+    "silhouette-cpu": SilhouetteCpu,
 }
 
 __all__ = ["METHODS", "Caster", "Method", "make_method", "shadow"]
 
 
-def make_method(method: str | Method) -> Method:
-    """A method by name, or as it is."""
+def make_method(method: str | Method, **options: Any) -> Method:
+    """A method by name, with options by name; or one as it is, but for the options given.
+
+    Raises
+    ------
+    OptionError
+        For an unknown method, an option that it does not have, or a value that it does not take.
+    """
     if isinstance(method, Method):
-        return method
+        known = method.options()
+        for name in options:
+            if name not in known:
+                has = f"it has: {', '.join(known)}" if known else "it has none"
+                raise OptionError(f"method {method.name} has no option {name} ({has})")
+        return dataclasses.replace(method, **options) if options else method
     if not isinstance(method, str):
         raise OptionError(f"method: wanted a name or a Method object, got {shown(method)}")
     if method not in METHODS:
         near = difflib.get_close_matches(str(method), METHODS, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise OptionError(f"unknown method {method!r}{hint} (known: {', '.join(METHODS)})")
-    return METHODS[method]()
+    return make_method(METHODS[method](), **options)
 
 
 def shadow(

@@ -25,11 +25,17 @@ class Caster(ABC):
 
 @dataclass(frozen=True)
 class Method(ABC):
-    """A shadow algorithm. Its dataclass fields are its options, its docstring is its manual page."""
+    """A shadow algorithm. Its dataclass fields are its options, its docstring is its manual page.
+
+    `engine` is what it runs on, "CPU" or "OpenGL". `accepts` are the kinds of samples that it takes: whole "pictures"
+    with the camera that sees them, "points" of any shape.
+    """
 
     name: ClassVar[str]
     paper: ClassVar[str]
     guarantee: ClassVar[Guarantee]
+    engine: ClassVar[str] = "CPU"
+    accepts: ClassVar[tuple[str, ...]] = ("pictures", "points")
 
     @abstractmethod
     def prepare(self, scene: Scene, clock: Clock | None = None) -> Caster:
