@@ -17,7 +17,9 @@ def facet_normals(positions: NDArray[np.float32], triangles: NDArray[np.int32]) 
     sides /= np.abs(sides).max(axis=(1, 2), keepdims=True, initial=1e-300)
     normals = np.cross(sides[:, 0], sides[:, 1])
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0).astype(np.float32)
+    unit_length = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+    single: NDArray[np.float32] = unit_length.astype(np.float32)
+    return single
 
 
 @inline

@@ -19,7 +19,7 @@ from umbrae.errors import GraphicsError
 MINIMUM = 450
 WAY_OUT = "the method `frustum` needs no OpenGL"
 _INSTALL_PYTHON = "pip install 'umbrae[gl]'"
-_INSTALL_SYSTEM = "apt-get install libegl1 libgl1-mesa-dri"
+_INSTALL_SYSTEM = "apt-get install libegl1 libopengl0 libgl1-mesa-dri"
 
 _lock = threading.RLock()
 _kept: dict[int, "Session"] = {}  # by process: a forked child must not touch its parent's context

@@ -109,4 +109,3 @@ def _texture(gl: Any) -> int:
     name = np.zeros(1, np.uint32)
     gl.glCreateTextures(gl.GL_TEXTURE_2D, 1, name)
     return int(name[0])
-

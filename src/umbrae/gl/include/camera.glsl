@@ -2,13 +2,14 @@
 // difference of two float32 is rounded once, so what is near the eye keeps its digits. Depth is reversed with an
 // infinite far plane: z / w = depth_scale / distance, 0 at infinity.
 
+#include "light.glsl"
+
 uniform vec3 eye_high;  // the eye as the sum of two float32
 uniform vec3 eye_low;
 uniform vec3 picture_x;  // clip coordinates from the direction: rows of the projection
 uniform vec3 picture_y;
 uniform vec3 forward;
 uniform float depth_scale;
-uniform vec4 light;  // homogeneous
 
 vec4 project(vec3 v, float w) {
     precise vec4 clip;

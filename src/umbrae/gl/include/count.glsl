@@ -8,7 +8,7 @@ out float count;
 
 void count_face() {
 #ifdef EVERY_FACE
-    count = 1.0;
+    count = weight == 0 ? 0.0 : 1.0;  // asked, so that no vertex attribute drops out of the program
 #else
     count = entering * float(gl_FrontFacing ? weight : -weight);
 #endif

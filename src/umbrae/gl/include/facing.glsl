@@ -6,6 +6,8 @@
 // Float32 rounds by 2^-24: the derivation there gives 8.1 roundings, 2^-20 has room for those of the bound. What
 // underflows loses at most 2^-126 a product, or six times that times d; 2^-120 covers it.
 
+#include "light.glsl"
+
 const float FILTER = 9.5367431640625e-7;  // 2^-20
 const float UNDERFLOW = 7.52316384526264e-37;  // 2^-120
 const double FILTER_64 = 1.7763568394002505e-15LF;  // 2^-49

@@ -3,6 +3,7 @@
 #include "camera.glsl"
 #include "multiplicity.glsl"
 #include "count.glsl"
+#include "own.glsl"
 
 #ifdef VERTEX_SHADER
 in vec3 position;
@@ -16,15 +17,14 @@ void main() {
 #ifdef GEOMETRY_SHADER
 layout(triangles) in;
 layout(triangle_strip, max_vertices = 6) out;
-layout(std430, binding = 0) readonly buffer Caps { int cap_of_primitive[]; };
 #ifdef FACING_FROM_BUFFER
 layout(std430, binding = 1) readonly buffer Facing { int facing_of_cap[]; };
 #endif
 in vec3 corner[];
 flat out int weight;
-flat out int cap;
+flat out int primitive;  // -1 for dark caps
 
-void emit_triangle(vec4 a, vec4 b, vec4 c, int side, int id) {
+void emit_triangle(vec4 a, vec4 b, vec4 c, int side, int of) {
     vec4 corners[3] = vec4[3](a, b, c);
     for (int i = 0; i < 3; i++) {
 #ifdef FLOAT_COUNTER
@@ -33,21 +33,20 @@ void emit_triangle(vec4 a, vec4 b, vec4 c, int side, int id) {
 #else
         gl_Position = corners[side > 0 ? i : 2 - i];
 #endif
-        cap = id;
+        primitive = of;
         EmitVertex();
     }
     EndPrimitive();
 }
 
 void main() {
-    int id = cap_of_primitive[gl_PrimitiveIDIn];
 #ifdef FACING_FROM_BUFFER
-    int side = facing_of_cap[id];
+    int side = facing_of_cap[cap_of_primitive[gl_PrimitiveIDIn]];
 #else
     int side = contribution(0, 1, 2, corner[0], corner[1], corner[2]);
 #endif
     if (side == 0) return;
-    emit_triangle(project_point(corner[0]), project_point(corner[1]), project_point(corner[2]), side, id);
+    emit_triangle(project_point(corner[0]), project_point(corner[1]), project_point(corner[2]), side, gl_PrimitiveIDIn);
 #ifdef DARK_CAPS
     if (light.w != 0.0)  // else it is a point
         emit_triangle(project_shadow(corner[0]), project_shadow(corner[1]), project_shadow(corner[2]), -side, -1);
@@ -56,17 +55,10 @@ void main() {
 #endif
 
 #ifdef FRAGMENT_SHADER
-uniform isampler2D own_cap;  // of each sample
-flat in int cap;
+flat in int primitive;
 
-// A sample lies just off its own triangle, on the side of the eye: that cap is behind it, whatever depths say.
 void main() {
-    bool own = cap >= 0 && cap == texelFetch(own_cap, ivec2(gl_FragCoord.xy), 0).r;
-#ifdef BEHIND
-    gl_FragDepth = own ? 0.0 : gl_FragCoord.z;
-#else
-    if (own) discard;
-#endif
+    place_cap(primitive);
     count_face();
 }
 #endif

@@ -104,7 +104,7 @@ def contour_vertices(
     edge_vertices: NDArray[np.int32],
     eye: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """`(v,)` the vertices of edges that have not as many triangles on one side as on the other, seen from `eye (3,)`."""
+    """`(v,)` the vertices of edges with more triangles on one side than on the other, seen from `eye (3,)`."""
     side = np.empty(len(triangles), np.int8)
     marked = np.zeros(len(positions), bool)
     triangle_chunks, edge_chunks = _chunks(len(triangles)), _chunks(len(edge_vertices))

@@ -49,12 +49,12 @@ class VolumeMesh:
         topology = self.edges
         ends = np.repeat(topology.vertices.sum(axis=1, dtype=np.int64), topology.count)
         corners = self.triangles[topology.triangle].sum(axis=1, dtype=np.int64)
-        return (corners - ends).astype(np.int32)
-
+        opposite: NDArray[np.int32] = (corners - ends).astype(np.int32)
+        return opposite
 
     @cached_property
     def sign(self) -> NDArray[np.int8]:
-        """`(n,)` which way the ordered triangle's boundary runs along the edge: down only from its first to its last."""
+        """`(n,)` which way the ordered triangle's boundary runs along the edge: down only from first to last."""
         return np.where(self.opposite == self.triangles[self.edges.triangle, 1], -1, 1).astype(np.int8)
 
 

@@ -1,6 +1,7 @@
 """What all shadow volume methods share: options, the passes of a frame, the band."""
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -82,11 +83,6 @@ class SilhouetteMethod(VolumeMethod):
         super().__post_init__()
         _one_of(self.determinism, tuple(DETERMINISM), f"{self.name}: determinism")
 
-    @property
-    def constants(self) -> dict[str, int | str]:
-        """For shaders that include `multiplicity.glsl`."""
-        return {**CONSTANTS, "DETERMINISM": DETERMINISM[self.determinism]}
-
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -109,6 +105,11 @@ class Frame:
 class VolumeCaster(Caster):
     """A scene's welded geometry in OpenGL buffers. Methods derive from it and draw the sides of the volumes."""
 
+    draws_dark_caps: ClassVar[bool] = False
+    """Whether dark caps come with the sides."""
+    draws_all_caps: ClassVar[bool] = False
+    """Whether light and dark caps come with the sides."""
+
     def __init__(self, scene: Scene, method: VolumeMethod, clock: Clock | None) -> None:
         clock = clock or Clock()
         self.scene, self.method = scene, method
@@ -120,8 +121,8 @@ class VolumeCaster(Caster):
         self._normals = facet_normals(scene.positions, scene.triangles)
         with self.session.current():
             self.vertices = self.buffer(self.mesh.positions)
-            self._triangles = self.buffer(self.mesh.triangles)
-            self._cap_of = self.buffer(self.mesh.cap_of[self.mesh.source])
+            self.triangle_index = self.buffer(self.mesh.triangles)
+            self.cap_of = self.buffer(self.mesh.cap_of[self.mesh.source])
             if len(self.mesh.triangles):
                 self.upload(clock)
 
@@ -142,9 +143,23 @@ class VolumeCaster(Caster):
         """Do the work that depends on the light but not on the camera; returns counters."""
         return {}
 
+    def casting(self, light: Light) -> NDArray[np.bool_] | None:
+        """`(t,)` which triangles of the mesh have a volume under this light; None for all."""
+        return None
+
     @abstractmethod
-    def draw_sides(self, frame: Frame) -> None:
+    def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
         """Draw the side faces of all volumes."""
+
+    def draw(
+        self, file: str, frame: Frame, index: Any, mode: str, constants: Mapping[str, int | str] | None = None
+    ) -> None:
+        """Draw the vertices at `index` as primitives of `mode`, by the program of that file."""
+        drawn = program(self.session, HERE / file, {**(constants or {}), **frame.constants})
+        self.prepare_program(drawn, frame)
+        context = self.session.moderngl
+        array = context.vertex_array(drawn, [(self.vertices, "3f", "position")], index)
+        array.render(getattr(context, mode))
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         clock = clock or Clock()
@@ -172,14 +187,13 @@ class VolumeCaster(Caster):
             self.extract(frame, Clock())
             self._draw_depth(target, frame, samples, 0)
             count_faces(current, target, behind=False, outlines=outlines)
-            self.draw_sides(frame)
+            self.draw_sides(frame, samples)
             return target.read()
 
     @property
     def promise(self) -> Guarantee:
         """The guarantee with the options that were chosen."""
-        weak = isinstance(self.method, SilhouetteMethod) and self.method.determinism != "reference-edge"
-        return Guarantee.NONE if weak else Guarantee.BANDED
+        return Guarantee.BANDED
 
     def _count(
         self, light: Light, samples: ViewSamples, clock: Clock
@@ -209,14 +223,15 @@ class VolumeCaster(Caster):
     ) -> dict[str, int]:
         per_pixel = count.shape[2]
         with clock.span("eye"):
-            behind, start = self._counting(light, camera, rounding.world)
+            casting = self.casting(light)
+            behind, start = self._counting(light, camera, rounding.world, casting)
         frames = [
-            Frame(light, behind, self._stencil, view_uniforms(camera, light, self.mesh.scale, sample, per_pixel))
+            Frame(light, behind, self.stencil, view_uniforms(camera, light, self.mesh.scale, sample, per_pixel))
             for sample in range(per_pixel)
         ]
         with clock.span("contours"):
-            capped = self._capped(camera, behind)
-        target = count_target(current, camera.width, camera.height, self._stencil)
+            capped = np.zeros(0, np.int32) if self.draws_all_caps else self._capped(camera, behind, casting)
+        target = count_target(current, camera.width, camera.height, self.stencil)
         with stage(current, clock, "extract"):
             stats = self.extract(frames[0], clock)
         for sample, frame in enumerate(frames):
@@ -225,7 +240,7 @@ class VolumeCaster(Caster):
                 self._draw_depth(target, frame, part, start)
             count_faces(current, target, behind)
             with stage(current, clock, "sides"):
-                self.draw_sides(frame)
+                self.draw_sides(frame, part)
             if len(capped):
                 with stage(current, clock, "caps"):
                     self._draw_caps(frame, part, capped)
@@ -234,17 +249,21 @@ class VolumeCaster(Caster):
         return {**stats, "zfail": int(behind), "volumes_at_eye": start, "caps": len(capped)}
 
     @property
-    def _stencil(self) -> bool:
+    def stencil(self) -> bool:
+        """Whether the counter is a stencil."""
         if self.method.counter == "auto":
             return len(self.mesh.triangles) < _STENCIL_LEVELS
         return self.method.counter == "stencil"
 
-    def _counting(self, light: Light, camera: Camera, distance: float) -> tuple[bool, int]:
+    def _counting(
+        self, light: Light, camera: Camera, distance: float, casting: NDArray[np.bool_] | None
+    ) -> tuple[bool, int]:
         """Whether to count behind the samples, and where the counter starts."""
         if self.method.counting == "zfail":
             return True, 0
         scene = self.scene
-        held = count_at_eye(scene.positions, scene.triangles, light.position, camera.eye, distance)
+        triangles = scene.triangles if casting is None else scene.triangles[self.mesh.source[casting]]
+        held = count_at_eye(scene.positions, triangles, light.position, camera.eye, distance)
         if not held.clear and self.method.counting == "zpass":
             raise OptionError(
                 f"{self.method.name}: counting='zpass' cannot be trusted here: the eye is within {distance:.3g} of a "
@@ -252,18 +271,22 @@ class VolumeCaster(Caster):
             )
         return (False, held.volumes) if held.clear else (True, 0)
 
-    def _capped(self, camera: Camera, behind: bool) -> NDArray[np.int32]:
+    def _capped(
+        self, camera: Camera, behind: bool, casting: NDArray[np.bool_] | None
+    ) -> NDArray[np.int32]:
         """`(n,)` triangles of the mesh whose caps must be drawn: all of them for z-fail, few for z-pass (see `eye`)."""
         mesh, topology = self.mesh, self.mesh.edges
         if behind:
-            return np.arange(len(mesh.triangles), dtype=np.int32)
+            all_of_them = np.arange(len(mesh.triangles), dtype=np.int32)
+            return all_of_them if casting is None else all_of_them[casting]
         depth = (mesh.positions / mesh.scale - camera.eye) @ camera.axes[2]
         at_contour = contour_vertices(
             mesh.positions, mesh.triangles, topology.offsets, topology.triangle, mesh.sign, topology.vertices,
             camera.eye * mesh.scale,
         )  # fmt: skip
         marked = at_contour | (depth < camera.near * 1.001)
-        return np.flatnonzero(self._see_through | marked[mesh.triangles].any(axis=1)).astype(np.int32)
+        capped = self._see_through | marked[mesh.triangles].any(axis=1)
+        return np.flatnonzero(capped if casting is None else capped & casting).astype(np.int32)
 
     def _draw_depth(self, target: CountTarget, frame: Frame, samples: ViewSamples, start: int) -> None:
         target.clear(start % _STENCIL_LEVELS if target.stencil else start)
@@ -273,33 +296,34 @@ class VolumeCaster(Caster):
         assert samples.depth is not None
         self._texture("distances", samples.depth).use(0)
         drawn["distances"].value = 0
-        self._vertex_array(drawn, []).render(self.session.moderngl.TRIANGLES, vertices=3)
+        self.session.moderngl.vertex_array(drawn, []).render(self.session.moderngl.TRIANGLES, vertices=3)
 
     def _draw_caps(self, frame: Frame, samples: ViewSamples, capped: NDArray[np.int32]) -> None:
         constants: dict[str, int | str] = {**self.cap_constants, **frame.constants}
         if frame.behind:
-            constants |= {"BEHIND": 1, "DARK_CAPS": 1}
+            constants |= {"BEHIND": 1} if self.draws_dark_caps else {"BEHIND": 1, "DARK_CAPS": 1}
         drawn = program(self.session, HERE / "caps.glsl", constants)
         self.prepare_program(drawn, frame)
+        triangles, caps = self.triangle_index, self.cap_of
+        if len(capped) < len(self.mesh.triangles):
+            triangles = self.buffer(self.mesh.triangles[capped])
+            caps = self.buffer(self.mesh.cap_of[self.mesh.source[capped]])
+        self.bind_own_caps(drawn, samples, caps)
+        array = self.session.moderngl.vertex_array(drawn, [(self.vertices, "3f", "position")], triangles)
+        array.render(self.session.moderngl.TRIANGLES)
+
+    def bind_own_caps(self, drawn: Any, samples: ViewSamples, caps: Any) -> None:
+        """Give a program that includes `own.glsl` the samples' own caps, and the caps of its primitives."""
         own = np.where(samples.triangle >= 0, self.mesh.cap_of[samples.triangle], np.int32(-1))
         self._texture("own_cap", own).use(0)
         drawn["own_cap"].value = 0
-        triangles, caps = self._triangles, self._cap_of
-        if not frame.behind:
-            triangles = self.buffer(self.mesh.triangles[capped])
-            caps = self.buffer(self.mesh.cap_of[self.mesh.source[capped]])
         caps.bind_to_storage_buffer(0)
-        array = self._vertex_array(drawn, [(self.vertices, "3f", "position")], triangles)
-        array.render(self.session.moderngl.TRIANGLES)
 
     def prepare_program(self, drawn: Any, frame: Frame) -> None:
         """Set the uniforms of a program that counts faces."""
         apply(drawn, frame.uniforms)
         if "entering" in drawn:
             drawn["entering"].value = -1.0 if frame.behind else 1.0
-
-    def _vertex_array(self, drawn: Any, content: list[Any], index: Any = None) -> Any:
-        return self.session.moderngl.vertex_array(drawn, content, index)
 
     def _texture(self, name: str, values: NDArray[Any]) -> Any:
         """A texture with one channel of 32 bits, `(h, w)` values from the top; kept and written anew."""
@@ -321,6 +345,25 @@ class VolumeCaster(Caster):
                 "without one; the method `frustum` takes points"
             )
         return camera
+
+
+class SilhouetteCaster(VolumeCaster):
+    """A caster whose shaders include `multiplicity.glsl`."""
+
+    method: SilhouetteMethod
+
+    @property
+    def multiplicity_constants(self) -> dict[str, int | str]:
+        """How shaders decide a triangle's side."""
+        return {**CONSTANTS, "DETERMINISM": DETERMINISM[self.method.determinism]}
+
+    @property
+    def cap_constants(self) -> dict[str, int | str]:
+        return self.multiplicity_constants
+
+    @property
+    def promise(self) -> Guarantee:
+        return Guarantee.BANDED if self.method.determinism == "reference-edge" else Guarantee.NONE
 
 
 def _part(samples: ViewSamples, index: int) -> ViewSamples:

@@ -11,6 +11,7 @@ from umbrae.geometry.predicates import facing
 from umbrae.gl.program import program
 from umbrae.methods.volumes.method import CONSTANTS, HERE, Frame, VolumeCaster, VolumeMethod
 from umbrae.parallel import kernel, run
+from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
 _CHUNK = 1 << 14
@@ -65,12 +66,12 @@ class SilhouetteCpuCaster(VolumeCaster):
         self._side = self.buffer(side)
         return {"silhouette_edges": int(np.count_nonzero(multiplicity))}
 
-    def draw_sides(self, frame: Frame) -> None:
+    def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
         drawn = program(self.session, HERE / "quads.glsl", frame.constants)
         self.prepare_program(drawn, frame)
         if self._count_entries:
             content: list[Any] = [(self._entries, "3f 3f 1i/i", "a", "b", "multiplicity")]
-            array = self._vertex_array(drawn, content)
+            array = self.session.moderngl.vertex_array(drawn, content)
             array.render(self.session.moderngl.TRIANGLE_STRIP, vertices=4, instances=self._count_entries)
         self._side.bind_to_storage_buffer(1)
 

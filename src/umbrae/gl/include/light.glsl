@@ -1,0 +1,1 @@
+uniform vec4 light;  // homogeneous, in the units of the positions

@@ -1,0 +1,57 @@
+// Robust volumes for low-quality meshes (Stich, Waechter, Keller 2007, section 11.3.1): a triangle with adjacency is
+// corner, neighbour, corner, neighbour, corner, neighbour, in the scene's winding. An edge is extruded where the neighbour
+// faces the other way, or where there is none; triangles that face away do the same, inverted.
+
+#include "camera.glsl"
+#include "facing.glsl"
+#include "count.glsl"
+#include "sides.glsl"
+
+#ifdef VERTEX_SHADER
+in vec3 position;
+out vec3 corner;
+flat out int vertex;
+
+void main() {
+    corner = position;
+    vertex = gl_VertexID;
+}
+#endif
+
+#ifdef GEOMETRY_SHADER
+layout(triangles_adjacency) in;
+layout(triangle_strip, max_vertices = 12) out;
+layout(std430, binding = 1) readonly buffer Casting { int casting[]; };  // 0: any way, else how the ordered triangle faces
+in vec3 corner[];
+flat in int vertex[];
+
+// Which way a triangle faces by its winding. Its corners are put in order first: wherever the triangle is looked at, from
+// inside or from a neighbour, the computation is the same to the last bit.
+int winding_facing(int i, int j, int k) {
+    int turn = 1, swap;
+    if (vertex[j] < vertex[i]) { swap = i; i = j; j = swap; turn = -turn; }
+    if (vertex[k] < vertex[j]) { swap = j; j = k; k = swap; turn = -turn; }
+    if (vertex[j] < vertex[i]) { swap = i; i = j; j = swap; turn = -turn; }
+    return turn * facing(corner[i], corner[j], corner[k]);
+}
+
+void main() {
+    int faces_light = winding_facing(0, 2, 4);
+    bool solid = casting[gl_PrimitiveIDIn] != 0;
+    if (faces_light == 0 || (solid && faces_light < 0)) return;
+    for (int i = 0; i < 6; i += 2) {
+        int next = (i + 2) % 6, beside = i + 1;
+        bool alone = vertex[beside] == vertex[i];
+        if (!alone && winding_facing(next, i, beside) == faces_light) continue;
+        bool upwards = vertex[i] < vertex[next];
+        int side = upwards ? faces_light : -faces_light;
+        emit_side(corner[upwards ? i : next], corner[upwards ? next : i], side);
+    }
+}
+#endif
+
+#ifdef FRAGMENT_SHADER
+void main() {
+    count_face();
+}
+#endif
