@@ -53,7 +53,7 @@ class Session:
         with _lock:
             self.enter()
             try:
-                self.moderngl.gc()  # what was dropped in Python since, in whichever thread
+                self.collect()
                 yield self
                 self.check()
             except GraphicsError:
@@ -62,6 +62,14 @@ class Session:
             finally:
                 self.messages.clear()
                 self.leave()
+
+    def collect(self) -> None:
+        """Give back what was dropped in Python since, in whichever thread."""
+        dropped = self.moderngl.objects
+        while dropped:
+            one = dropped.popleft()
+            if hasattr(one, "release"):  # moderngl's own `gc` trips over what had been released by name
+                one.release()
 
     def check(self) -> None:
         """Raise `GraphicsError` for errors that OpenGL has met since the last look."""
@@ -106,7 +114,7 @@ def close() -> None:
         if found is not None:
             found.enter()
             found.kept.clear()
-            found.moderngl.gc()
+            found.collect()
             found.leave()
             found.moderngl.release()
 
