@@ -4,22 +4,38 @@ PYTHON ?= python3
 # The view and the sun of models.pavilion_camera() and pavilion_light().
 PAVILION = --eye 7,7.4,25 --target 0.2,0.6,0.6 --fov 36 --sun 238,32 --samples-per-pixel 4
 
-.PHONY: demo test check clean clean-kernels
+# For the tests alone: where no driver gives OpenGL 4.5, Mesa's renders on the CPU.
+GL_PACKAGES = libegl1 libopengl0 libgl1-mesa-dri
+
+.PHONY: demo test check opengl clean clean-kernels
 
 demo: .venv/.installed
 	@mkdir -p out
 	.venv/bin/umbrae scene pavilion -o out/pavilion.glb
 	.venv/bin/umbrae render out/pavilion.glb -o out/pavilion.png --mask out/pavilion_mask.png $(PAVILION)
 
-test: .venv/.installed-dev
+test: .venv/.installed-dev opengl
 	.venv/bin/pytest -q
 
-check: .venv/.installed-dev
+check: .venv/.installed-dev opengl
 	.venv/bin/ruff format --check
 	.venv/bin/ruff check
 	.venv/bin/mypy
 	.venv/bin/pytest -q
 	.venv/bin/umbrae bench check
+
+# Never fails: tests that find no OpenGL say what is missing.
+opengl: .venv/.installed-dev
+	@if [ "$$UMBRAE_GL" = off ] || .venv/bin/python -c 'from umbrae.gl.context import session; session()' 2> /dev/null; \
+	then :; elif ! command -v apt-get > /dev/null; \
+	then echo 'OpenGL 4.5 is missing: install libEGL, libOpenGL and a driver, such as those of Mesa' >&2; \
+	elif [ "$$(id -u)" -ne 0 ]; \
+	then echo 'OpenGL 4.5 is missing; run: sudo apt-get install $(GL_PACKAGES)' >&2; \
+	else export DEBIAN_FRONTEND=noninteractive; \
+	    { apt-get -q update || { sleep 5; apt-get -q update; }; } && \
+	    apt-get -q install -y --no-install-recommends $(GL_PACKAGES) || \
+	    echo 'OpenGL 4.5 is missing, and could not be installed: $(GL_PACKAGES)' >&2; \
+	fi
 
 clean:
 	rm -rf .venv out dist build tests/failures .pytest_cache .mypy_cache .ruff_cache .hypothesis
