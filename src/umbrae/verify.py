@@ -12,7 +12,7 @@ from umbrae.errors import InputError
 from umbrae.geometry.volume_faces import face_distance, facing_of_all
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
-from umbrae.methods.oracle import Oracle
+from umbrae.methods.oracle import Oracle, OracleCaster
 from umbrae.samples import ViewSamples, surface_points
 from umbrae.scene import Scene
 
@@ -64,6 +64,65 @@ class Verdict:
         return float(self.margin.max(initial=0.0))
 
 
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What the oracle says of some samples: found once, any number of masks are held against it.
+
+    Attributes
+    ----------
+    chosen
+        `(n,)` flat indices of the samples that were asked about, ascending.
+    in_shadow
+        `(n,) bool` the oracle's verdicts.
+    """
+
+    scene: Scene
+    light: Light
+    samples: ViewSamples
+    chosen: NDArray[np.intp]
+    in_shadow: NDArray[np.bool_]
+    caster: OracleCaster
+
+    @classmethod
+    def find(
+        cls,
+        scene: Scene,
+        light: Light,
+        samples: ViewSamples,
+        count: int | None = None,
+        seed: int = 0,
+        clock: Clock | None = None,
+    ) -> "Truth":
+        """Ask the oracle; parameters and errors are those of `verify`."""
+        for value, kind, name in ((scene, Scene, "scene"), (light, Light, "light"), (samples, ViewSamples, "samples")):
+            instance(value, kind, f"verify: {name}")
+        samples.check(scene)
+        if whole(seed, "verify: seed") < 0:
+            raise InputError(f"verify: wanted a seed of at least 0, got {seed}")
+        if count is not None and whole(count, "verify: count") < 1:
+            raise InputError(f"verify: wanted a count of at least 1, got {count}")
+        chosen = np.flatnonzero(samples.covered.reshape(-1))
+        if count is not None and count < len(chosen):
+            chosen = np.sort(np.random.default_rng(seed).choice(chosen, count, replace=False))
+        caster = Oracle().prepare(scene)
+        in_shadow = caster.shadow(light, samples.take(chosen), clock).in_shadow
+        return cls(scene, light, samples, chosen, in_shadow, caster)
+
+    def judge(self, mask: ShadowMask) -> Verdict:
+        """Compare a mask of these samples with the truth."""
+        band = _checked_band(mask, self.samples)
+        differ = np.flatnonzero(self.in_shadow != mask.in_shadow.reshape(-1)[self.chosen])
+        wrong = self.chosen[differ]
+        mistaken = self.samples.take(wrong)
+        if band is None:
+            margin = self.caster.margin(self.light, mistaken, self.in_shadow[differ])
+            return Verdict(len(self.chosen), len(wrong), len(wrong), 0, wrong, margin)
+        margin = _distance_to_faces(self.scene, self.light, mistaken)
+        inside = int((margin <= band.reshape(-1)[wrong]).sum())
+        classes = _classes(self.scene, self.light, mistaken)
+        return Verdict(len(self.chosen), len(wrong), len(wrong) - inside, inside, wrong, margin, classes)
+
+
 def verify(
     scene: Scene,
     light: Light,
@@ -88,41 +147,17 @@ def verify(
         If mask or band and samples differ in shape, the samples were made for another scene, or `count` is not
         positive.
     """
-    for value, kind, name in (
-        (scene, Scene, "scene"),
-        (light, Light, "light"),
-        (samples, ViewSamples, "samples"),
-        (mask, ShadowMask, "mask"),
-    ):
-        instance(value, kind, f"verify: {name}")
-    samples.check(scene)
+    # Before the work, not after it.
+    instance(samples, ViewSamples, "verify: samples")
+    _checked_band(mask, samples)
+    return Truth.find(scene, light, samples, count, seed, clock).judge(mask)
+
+
+def _checked_band(mask: ShadowMask, samples: ViewSamples) -> NDArray[np.float32] | None:
+    """The band of a `BANDED` mask of these samples, which must have one; None for any other."""
+    instance(mask, ShadowMask, "verify: mask")
     if mask.in_shadow.shape != samples.shape:
         raise InputError(f"verify: mask has shape {mask.in_shadow.shape}, samples have {samples.shape}")
-    band = _band(mask)
-    if whole(seed, "verify: seed") < 0:
-        raise InputError(f"verify: wanted a seed of at least 0, got {seed}")
-    if count is not None and whole(count, "verify: count") < 1:
-        raise InputError(f"verify: wanted a count of at least 1, got {count}")
-    chosen = np.flatnonzero(samples.covered.reshape(-1))
-    if count is not None and count < len(chosen):
-        chosen = np.sort(np.random.default_rng(seed).choice(chosen, count, replace=False))
-    drawn = samples.take(chosen)
-    caster = Oracle().prepare(scene)
-    truth = caster.shadow(light, drawn, clock).in_shadow
-    differ = np.flatnonzero(truth != mask.in_shadow.reshape(-1)[chosen])
-    wrong = chosen[differ]
-    mistaken = drawn.take(differ)
-    if band is None:
-        margin = caster.margin(light, mistaken, truth[differ])
-        return Verdict(len(chosen), len(wrong), len(wrong), 0, wrong, margin)
-    margin = _distance_to_faces(scene, light, mistaken)
-    inside = int((margin <= band.reshape(-1)[wrong]).sum())
-    classes = _classes(scene, light, mistaken)
-    return Verdict(len(chosen), len(wrong), len(wrong) - inside, inside, wrong, margin, classes)
-
-
-def _band(mask: ShadowMask) -> NDArray[np.float32] | None:
-    """The band of a `BANDED` mask, which must have one; None for any other."""
     if mask.guarantee is not Guarantee.BANDED:
         return None
     if not isinstance(mask.band, np.ndarray):
