@@ -1,7 +1,9 @@
-"""Progress for the person at the terminal: a line per stage, and a bar when one takes long."""
+"""What is printed: notes, one JSON object, and progress: a line per stage, and a bar when one takes long."""
 
+import json
 import sys
 from threading import RLock, Timer
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -14,6 +16,11 @@ BAR_AFTER_SECONDS = 1.0
 def note(text: str) -> None:
     """One line on stderr that is good to know."""
     print(f"umbrae: note: {one_line(text)}", file=sys.stderr)
+
+
+def print_json(**values: Any) -> None:
+    """One JSON object on stdout."""
+    print(json.dumps(values))
 
 
 def one_line(text: str) -> str:

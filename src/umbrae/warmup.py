@@ -17,31 +17,41 @@ from umbrae.scene import Scene
 
 
 def compile_kernels(methods: Sequence[Method], samples_per_pixel: int, clock: Clock) -> None:
-    """Compile what a rendering with these methods needs, or load it from the cache.
+    """Compile what a rendering with these methods needs, or load it from the cache; raises what hinders one of them."""
+    for hindrance in try_out(methods, samples_per_pixel, clock):
+        if hindrance is not None:
+            raise hindrance
+
+
+def try_out(methods: Sequence[Method], samples_per_pixel: int, clock: Clock) -> list[Exception | None]:
+    """Let each method render next to nothing, which compiles it; returns for each what hinders it, None if nothing.
 
     In a thread of its own: an interruption that arrives while LLVM calls back into Python is lost.
     """
     with clock.span("compile kernels"):
         pool = ThreadPoolExecutor(1)
         try:
-            work = pool.submit(_render_tiny, methods, samples_per_pixel)
+            work = pool.submit(lambda: [_hindrance(method, samples_per_pixel) for method in methods])
             if not wait([work], timeout=3.0).done and isinstance(clock, ConsoleClock):
                 note(
                     "first run: compiling takes up to a minute; kernels are cached, later starts are quick"
                     if kernels_are_cached()
                     else "compiling takes up to a minute: no cache can be written (NUMBA_CACHE_DIR can name a folder)"
                 )
-            work.result()
+            return work.result()
         finally:
             pool.shutdown(wait=False)
 
 
-def _render_tiny(methods: Sequence[Method], samples_per_pixel: int) -> None:
+def _hindrance(method: Method, samples_per_pixel: int) -> Exception | None:
     """Everything once on next to nothing: smooth normals, a texture, a mask."""
     corners = [(-1, 0, 1), (1, 0, 1), (0, 0, -1), (-1, 1, 1), (1, 1, 1), (0, 1, -1)]
     leaf = Material(alpha_mode="MASK", texture=np.full((2, 2, 4), 255, np.uint8))
     up, flat = [(0, 1, 0)] * 6, [(0, 0)] * 6
     tiny = Scene(corners, [(0, 1, 2), (3, 4, 5)], [leaf], normals=up, uv=flat)
     camera = Camera.frame(tiny, width=16, height=16)
-    for method in methods:
+    try:
         render(tiny, camera, [Light.sun(120, 60)], method=method, samples_per_pixel=samples_per_pixel)
+    except Exception as error:
+        return error
+    return None
