@@ -35,6 +35,22 @@ Suns = Annotated[
     ),
 ]
 MethodName = Annotated[str, typer.Option("--method", metavar="NAME", help="See `umbrae methods`.")]
+Counting = Annotated[
+    str | None,
+    typer.Option("--counting", metavar="auto|zpass|zfail", help="Of shadow volumes: in front of samples, or beyond."),
+]
+Determinism = Annotated[
+    str | None,
+    typer.Option(
+        "--determinism",
+        metavar="reference-edge|three-edge|none",
+        help="How silhouettes by multiplicity keep triangles' sides consistent.",
+    ),
+]
+Counter = Annotated[
+    str | None,
+    typer.Option("--counter", metavar="auto|stencil|float", help="What shadow volumes are counted in."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No stages, no progress.")]
 
@@ -42,3 +58,8 @@ DEFAULT_SIZE: Any = "1920x1080"  # typer runs defaults through the parser
 DEFAULT_UP: Any = "y"
 DEFAULT_GRID: Any = "10x10"
 DEFAULT_STEP: Any = "10min"
+
+
+def given(**options: str | None) -> dict[str, str]:
+    """The options of a method that the command line names."""
+    return {name: value for name, value in options.items() if value is not None}

@@ -1,0 +1,1 @@
+"""The commands of `umbrae`, one idea per file: arguments in, the library called, results out."""

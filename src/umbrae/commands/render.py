@@ -1,0 +1,129 @@
+"""`umbrae render`: a picture with exact shadows, masks, arrays; or a figure of the shadow volumes."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import umbrae as um
+from umbrae import arguments, files, outputs
+from umbrae.arguments import Size
+from umbrae.clock import Clock
+from umbrae.commands.figure import Show, check, figure, picture_height
+from umbrae.commands.model import load, note_if_nothing_is_seen
+from umbrae.console import ConsoleClock, print_json
+from umbrae.methods import make_method
+from umbrae.options import (
+    DEFAULT_SIZE,
+    DEFAULT_UP,
+    Counter,
+    Counting,
+    Determinism,
+    Eye,
+    Fov,
+    Json,
+    MethodName,
+    Model,
+    Points,
+    Quiet,
+    SizeOption,
+    Suns,
+    Target,
+    Up,
+    given,
+)
+from umbrae.shade import mask_image
+from umbrae.warmup import compile_kernels
+
+FRAME = ("sample", "shadow", "shade")
+"""The stages that each picture takes anew, whatever was prepared before."""
+
+
+def render(
+    model: Model,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Picture; MODEL's name with .png here."),
+    ] = None,
+    size: SizeOption = DEFAULT_SIZE,
+    eye: Eye = None,
+    target: Target = None,
+    up: Up = DEFAULT_UP,
+    fov: Fov = 50.0,
+    light: Points = [],  # noqa: B006
+    sun: Suns = [],  # noqa: B006
+    method: MethodName = "frustum",
+    counting: Counting = None,
+    determinism: Determinism = None,
+    counter: Counter = None,
+    show: Annotated[
+        Show | None, typer.Option(help="A figure instead: what shadow volumes count, or the volumes themselves.")
+    ] = None,
+    mask: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Shadow mask: white lit, black dark; several lights: MASK_1, MASK_2, ..."),
+    ] = None,
+    npz: Annotated[Path | None, typer.Option(metavar="FILE", help="Samples and masks as numpy arrays.")] = None,
+    samples_per_pixel: Annotated[int, typer.Option(min=1, metavar="N", help="For smooth edges.")] = 1,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Render MODEL with exact shadows."""
+    clock = Clock() if as_json or quiet else ConsoleClock()
+    algorithm = make_method(method, **given(counting=counting, determinism=determinism, counter=counter))
+    view = size
+    if show is not None:
+        check(show, algorithm, len(light) + len(sun), samples_per_pixel, (mask, npz))
+        view = Size(size.width, picture_height(show, *size))
+    picture = output or Path(f"{model.stem}.png")
+    mask_paths = outputs.mask_paths(mask, max(1, len(light) + len(sun)))
+    outputs.check(model, [picture, *mask_paths], npz)
+    written = [picture, *mask_paths, *([npz] if npz else [])]
+
+    scene = load(model, clock, written)
+    camera = arguments.camera(scene, view, eye, target, up, fov)
+    lights = arguments.lights(scene, camera, light, sun, up)
+    compile_kernels([algorithm], samples_per_pixel, clock)
+    if show is not None:
+        image = figure(show, scene, camera, lights[0], algorithm, samples_per_pixel, up, clock)
+    else:
+        image = um.render(scene, camera, lights, algorithm, samples_per_pixel, up, clock)
+    samples = image.samples
+    assert samples is not None
+    note_if_nothing_is_seen(samples)
+    with clock.span("write"):
+        image.save(picture)
+        for path, one in zip(mask_paths, image.masks, strict=bool(mask_paths)):
+            files.save_image(path, mask_image(one))
+        if npz:
+            files.save_arrays(npz, **outputs.arrays(scene, lights, image))
+
+    if not as_json:
+        for path in written:
+            print(path)
+        return
+    seconds = clock.seconds()
+    print_json(
+        model=str(model),
+        triangles=len(scene.triangles),
+        size=list(size),
+        samples=samples.size,
+        covered=int(samples.covered.sum()),
+        method=algorithm.name,
+        options=algorithm.options(),
+        guarantee=image.masks[0].guarantee,
+        origin=scene.origin.tolist(),
+        lights=[
+            {
+                "position": one.position.tolist(),
+                "in_shadow": int(shadow_mask.in_shadow.sum()),
+                "stats": {name: int(value) for name, value in shadow_mask.stats.items()},
+            }
+            for one, shadow_mask in zip(lights, image.masks, strict=True)
+        ],
+        seconds={**seconds, "frame": sum(seconds[name] for name in FRAME)},
+        picture=str(picture),
+        show=show,
+        masks=[str(path) for path in mask_paths],
+        npz=str(npz) if npz else None,
+    )
