@@ -10,6 +10,7 @@ uniform vec3 picture_x;  // clip coordinates from the direction: rows of the pro
 uniform vec3 picture_y;
 uniform vec3 forward;
 uniform float depth_scale;
+uniform vec4 far_plane;  // where volumes may end: points with dot(xyz, p) = w; zero: at infinity
 
 vec4 project(vec3 v, float w) {
     precise vec4 clip;
@@ -25,8 +26,12 @@ vec4 project_point(vec3 point) {
     return project(v, 1.0);
 }
 
-// The point pushed away from the light to infinity (Milet et al., Equation 2, for w = 0 too: w p - l).
+// The point pushed away from the light: to infinity (Milet et al., Equation 2, for w = 0 too: w p - l), or to the far
+// plane, which is perpendicular to an axis.
 vec4 project_shadow(vec3 point) {
     precise vec3 away = light.w * point - light.xyz;
-    return project(away, 0.0);
+    if (far_plane.xyz == vec3(0.0)) return project(away, 0.0);
+    precise float far = (far_plane.w - dot(far_plane.xyz, point)) / dot(far_plane.xyz, away);
+    precise vec3 v = ((point - eye_high) - eye_low) + far * away;
+    return project(v, 1.0);
 }

@@ -25,6 +25,8 @@ class VolumeMesh:
     triangles
         `(t, 3) int32`, corners in ascending order, of all triangles with three different positions; the others cast
         nothing, and would count an edge twice with the sign of rounding noise (Milet et al., Algorithm 3).
+    winding
+        `(t, 3) int32`, the same corners in the scene's order.
     source
         `(t,) int32` the scene's triangle that each of them is.
     cap_of
@@ -35,6 +37,7 @@ class VolumeMesh:
     positions: NDArray[np.float32]
     scale: float
     triangles: NDArray[np.int32]
+    winding: NDArray[np.int32]
     source: NDArray[np.int32]
     cap_of: NDArray[np.int32]
 
@@ -63,7 +66,8 @@ def volume_mesh(scene: Scene) -> VolumeMesh:
     ids = weld(scene.positions)
     first = np.zeros(int(ids.max(initial=-1)) + 1, np.int64)
     first[ids[::-1]] = np.arange(len(ids))[::-1]
-    ordered = np.sort(ids[scene.triangles], axis=1)
+    winding = ids[scene.triangles]
+    ordered = np.sort(winding, axis=1)
     proper = (ordered[:, 0] != ordered[:, 1]) & (ordered[:, 1] != ordered[:, 2])
     triangles = np.ascontiguousarray(ordered[proper])
     cap_of = np.full(len(ordered), -1, np.int32)
@@ -74,6 +78,7 @@ def volume_mesh(scene: Scene) -> VolumeMesh:
         positions=((scene.positions[first] + np.float32(0)).astype(np.float64) * scale).astype(np.float32),
         scale=scale,
         triangles=triangles,
+        winding=np.ascontiguousarray(winding[proper]),
         source=np.flatnonzero(proper).astype(np.int32),
         cap_of=cap_of,
     )

@@ -25,7 +25,7 @@ from umbrae.memory import require
 from umbrae.methods.method import Caster, Method
 from umbrae.methods.volumes.eye import contour_vertices, count_at_eye
 from umbrae.methods.volumes.mesh import volume_mesh
-from umbrae.methods.volumes.view import Rounding, Uniforms, apply, view_uniforms
+from umbrae.methods.volumes.view import Rounding, Uniforms, apply, far_plane, view_uniforms
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
@@ -225,8 +225,14 @@ class VolumeCaster(Caster):
         with clock.span("eye"):
             casting = self.casting(light)
             behind, start = self._counting(light, camera, rounding.world, casting)
+        end = (0.0,) * 4 if behind else far_plane(self.scene, camera, light, self.mesh.scale)
         frames = [
-            Frame(light, behind, self.stencil, view_uniforms(camera, light, self.mesh.scale, sample, per_pixel))
+            Frame(
+                light,
+                behind,
+                self.stencil,
+                {**view_uniforms(camera, light, self.mesh.scale, sample, per_pixel), "far_plane": end},
+            )
             for sample in range(per_pixel)
         ]
         with clock.span("contours"):

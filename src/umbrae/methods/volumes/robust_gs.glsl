@@ -20,7 +20,7 @@ void main() {
 
 #ifdef GEOMETRY_SHADER
 layout(triangles_adjacency) in;
-layout(triangle_strip, max_vertices = 12) out;
+layout(triangle_strip, max_vertices = 24) out;
 layout(std430, binding = 1) readonly buffer Casting { int casting[]; };  // 0: any way, else how the ordered triangle faces
 in vec3 corner[];
 flat in int vertex[];
@@ -41,10 +41,13 @@ void main() {
     if (faces_light == 0 || (solid && faces_light < 0)) return;
     for (int i = 0; i < 6; i += 2) {
         int next = (i + 2) % 6, beside = i + 1;
-        bool alone = vertex[beside] == vertex[i];
-        if (!alone && winding_facing(next, i, beside) == faces_light) continue;
+        int other = vertex[beside] == vertex[i] ? 0 : winding_facing(next, i, beside);
+        if (other == faces_light) continue;
+        // A silhouette of two triangles that both cast is extruded twice: at once by the one that faces the light.
+        int times = other != 0 && !solid ? 2 : 1;
+        if (times == 2 && faces_light < 0) continue;
         bool upwards = vertex[i] < vertex[next];
-        int side = upwards ? faces_light : -faces_light;
+        int side = upwards ? times * faces_light : -times * faces_light;
         emit_side(corner[upwards ? i : next], corner[upwards ? next : i], side);
     }
 }

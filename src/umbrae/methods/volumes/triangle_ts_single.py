@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from umbrae.clock import Clock
 from umbrae.gl.program import program
 from umbrae.methods.volumes.method import HERE, Frame, VolumeCaster, VolumeMethod
@@ -29,9 +31,17 @@ class TriangleTsSingle(VolumeMethod):
 
 
 class TriangleTsSingleCaster(VolumeCaster):
-    """Nothing but the triangles."""
+    """The triangles, each with its own number for a fourth vertex."""
 
     draws_all_caps = True
+
+    def upload(self, clock: Clock) -> None:
+        positions, triangles = self.mesh.positions, self.mesh.triangles
+        # Numbers are indices of vertices to OpenGL: there must be as many.
+        padding = np.zeros((max(0, len(triangles) - len(positions)), 3), np.float32)
+        self._points = self.buffer(np.concatenate([positions, padding]))
+        numbers = np.arange(len(triangles), dtype=np.int32)
+        self._quads = self.buffer(np.column_stack([triangles, numbers]))
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
         constants = {**frame.constants, **({"BEHIND": 1} if frame.behind else {})}
@@ -39,5 +49,5 @@ class TriangleTsSingleCaster(VolumeCaster):
         self.prepare_program(drawn, frame)
         self.bind_own_caps(drawn, samples, self.cap_of)
         context = self.session.moderngl
-        context.patch_vertices = 3
-        context.vertex_array(drawn, [(self.vertices, "3f", "position")], self.triangle_index).render(context.PATCHES)
+        context.patch_vertices = 4
+        context.vertex_array(drawn, [(self._points, "3f", "position")], self._quads).render(context.PATCHES)

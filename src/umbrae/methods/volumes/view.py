@@ -14,6 +14,10 @@ from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
 _CHUNK = 1 << 16
+_LEAST_SLOPE = 2.0**-6
+"""Cosine between light and far plane below which volumes go to infinity: they would not end much earlier."""
+_BEYOND = 2.0**-6
+"""How far behind everything the far plane lies, as a share of the scene's extent: many roundings."""
 
 Uniforms = Mapping[str, Any]
 
@@ -40,6 +44,37 @@ def view_uniforms(camera: Camera, light: Light, scale: float, sample: int, per_p
         "light": tuple(position.tolist()),
         "world_scale": scale,
     }
+
+
+def far_plane(scene: Scene, camera: Camera, light: Light, scale: float) -> tuple[float, float, float, float]:
+    """A plane behind the scene and the eye where volumes may end for z-pass, `n . p = w` in units of 1 / `scale`.
+
+    No view ray reaches beyond it, so nothing is counted there, and sides need not cover the picture as far as infinity.
+    It is perpendicular to an axis, and all light must travel towards it, so that every vertex has its own point on it
+    and an edge's two points have all between them beyond the scene as well. Zeros when there is none: a light amid the
+    scene.
+    """
+    low, high = scene.bounds.astype(np.float64)
+    corners = np.array([low, high])
+    position = light.position.astype(np.float64)
+    best, shortest = (0.0, 0.0, 0.0, 0.0), np.inf
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            ahead = sign * (position[3] * corners[:, axis] - position[axis])
+            to_scene = np.linalg.norm(np.maximum(np.abs(low - position[:3]), np.abs(high - position[:3])))
+            length = to_scene if position[3] else np.linalg.norm(position[:3])
+            slope = ahead.min() / length
+            if slope < _LEAST_SLOPE:
+                continue
+            reached = max(float((sign * corners[:, axis]).max()), sign * float(camera.eye[axis]))
+            start = float((sign * corners[:, axis]).min())
+            reached += _BEYOND * (reached - start) + _BEYOND * float(np.abs(high - low).max())
+            if (reached - start) / slope < shortest:
+                shortest = (reached - start) / slope
+                normal = [0.0, 0.0, 0.0]
+                normal[axis] = sign
+                best = (*normal, reached * scale)
+    return best
 
 
 def apply(program: Any, uniforms: Uniforms) -> None:
