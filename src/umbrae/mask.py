@@ -33,6 +33,9 @@ class ShadowMask:
     band
         `(...) float32` world units, for `BANDED`: verdicts of samples nearer than this to a face of a shadow volume,
         other than the cap that their own triangle is, may differ.
+    inner_faces
+        Whether sides between neighbouring triangles are faces as well: for a method that gives every triangle a volume
+        of its own, and does not make opposite sides cancel to the last bit.
     stats
         Work counters, whole numbers by name.
     """
@@ -40,6 +43,7 @@ class ShadowMask:
     in_shadow: NDArray[np.bool_]
     guarantee: Guarantee
     band: NDArray[np.float32] | None = None
+    inner_faces: bool = False
     stats: Mapping[str, int] = field(default_factory=dict)
 
     @cached_property

@@ -117,7 +117,7 @@ class Truth:
         if band is None:
             margin = self.caster.margin(self.light, mistaken, self.in_shadow[differ])
             return Verdict(len(self.chosen), len(wrong), len(wrong), 0, wrong, margin)
-        margin = _distance_to_faces(self.scene, self.light, mistaken)
+        margin = _distance_to_faces(self.scene, self.light, mistaken, mask.inner_faces)
         inside = int((margin <= band.reshape(-1)[wrong]).sum())
         classes = _classes(self.scene, self.light, mistaken)
         return Verdict(len(self.chosen), len(wrong), len(wrong) - inside, inside, wrong, margin, classes)
@@ -168,7 +168,7 @@ def _checked_band(mask: ShadowMask, samples: ViewSamples) -> NDArray[np.float32]
     return mask.band
 
 
-def _distance_to_faces(scene: Scene, light: Light, samples: ViewSamples) -> NDArray[np.float32]:
+def _distance_to_faces(scene: Scene, light: Light, samples: ViewSamples, inner: bool) -> NDArray[np.float32]:
     """`(n,)` lower bounds of the distance of each sample of a list to the nearest face of a volume but its own cap."""
     own = samples.triangle >= 0
     points, slack = samples.position.astype(np.float64), np.zeros(samples.size)
@@ -176,7 +176,7 @@ def _distance_to_faces(scene: Scene, light: Light, samples: ViewSamples) -> NDAr
     points[own] = surface_points(scene, triangle, samples.barycentric[own])
     # At most 12 roundings along each axis of numbers no larger than the triangle's coordinates; 12 sqrt(3) < 32.
     slack[own] = 2.0**-48 * np.abs(scene.positions[scene.triangles[triangle]]).max(axis=(1, 2), initial=0)
-    distance = face_distance(scene.positions, scene.triangles, light.position, points, samples.triangle)
+    distance = face_distance(scene.positions, scene.triangles, light.position, points, samples.triangle, inner)
     # One step down: rounding to float32 must not make it larger.
     return np.nextafter(np.maximum(distance - slack, 0).astype(np.float32), np.float32(0))
 

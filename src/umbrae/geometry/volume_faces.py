@@ -95,15 +95,21 @@ def multiplicity(topology: Edges, facing: NDArray[np.int8]) -> NDArray[np.int32]
     return topology.total(facing[topology.triangle] * topology.sign)
 
 
-def volume_faces(positions: NDArray[np.float32], triangles: NDArray[np.int32], light: NDArray[np.float32]) -> Faces:
-    """Light caps, then side faces, of `positions (v, 3)` and `triangles (t, 3)` under a homogeneous `light (4,)`."""
+def volume_faces(
+    positions: NDArray[np.float32], triangles: NDArray[np.int32], light: NDArray[np.float32], inner: bool = False
+) -> Faces:
+    """Light caps, then side faces, of `positions (v, 3)` and `triangles (t, 3)` under a homogeneous `light (4,)`.
+
+    With `inner`, sides between neighbours count as well: over every edge of a triangle that casts.
+    """
     facing = facing_of_all(positions, triangles, light)
     caps = np.flatnonzero(facing).astype(np.int32)
     vertex = weld(positions)
     topology = edges(vertex[triangles])
     one = np.empty(len(positions), np.int32)  # some vertex at each welded position
     one[vertex] = np.arange(len(positions), dtype=np.int32)
-    swept = one[topology.vertices[multiplicity(topology, facing) != 0]]
+    drawn = topology.total(np.abs(facing)[topology.triangle]) if inner else multiplicity(topology, facing)
+    swept = one[topology.vertices[drawn != 0]]
     count = len(caps) + len(swept)
     cap = np.full(count, _NO_CAP, np.int32)
     cap[: len(caps)] = caps
@@ -124,6 +130,7 @@ def face_distance(
     light: NDArray[np.float32],
     points: NDArray[np.float64],
     own: NDArray[np.int32] | None = None,
+    inner: bool = False,
 ) -> NDArray[np.float64]:
     """A lower bound, short by float64's rounding only, of the distance to the nearest face of any shadow volume.
 
@@ -138,6 +145,8 @@ def face_distance(
     own
         `(n,) int32` the triangle each point lies on, whose cap is left out for it: that distance is always zero
         and says nothing. -1, or None for all, leaves nothing out.
+    inner
+        Whether sides between neighbouring triangles are faces as well.
 
     Returns
     -------
@@ -146,7 +155,7 @@ def face_distance(
     distance = np.full(len(points), np.inf)
     if len(points) == 0:
         return distance
-    faces = volume_faces(positions, triangles, light)
+    faces = volume_faces(positions, triangles, light, inner)
     mine = np.full(len(points), -1, np.int32) if own is None else own
     order = np.argsort(morton3(points), kind="stable")
     sorted_points, sorted_own, sorted_distance = points[order], mine[order], np.full(len(points), np.inf)

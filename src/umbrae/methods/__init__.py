@@ -12,7 +12,14 @@ from umbrae.mask import ShadowMask
 from umbrae.methods.frustum_cpu import Frustum
 from umbrae.methods.method import Caster, Method
 from umbrae.methods.oracle import Oracle
+from umbrae.methods.volumes.robust_gs import RobustGs
+from umbrae.methods.volumes.silhouette_compute import SilhouetteCompute
 from umbrae.methods.volumes.silhouette_cpu import SilhouetteCpu
+from umbrae.methods.volumes.silhouette_gs import SilhouetteGs
+from umbrae.methods.volumes.silhouette_ts import SilhouetteTs
+from umbrae.methods.volumes.triangle_gs import TriangleGs
+from umbrae.methods.volumes.triangle_ts import TriangleTs
+from umbrae.methods.volumes.triangle_ts_single import TriangleTsSingle
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
@@ -20,6 +27,13 @@ METHODS: dict[str, type[Method]] = {
     "oracle": Oracle,
     "frustum": Frustum,
     "silhouette-cpu": SilhouetteCpu,
+    "silhouette-compute": SilhouetteCompute,
+    "silhouette-gs": SilhouetteGs,
+    "silhouette-ts": SilhouetteTs,
+    "robust-gs": RobustGs,
+    "triangle-gs": TriangleGs,
+    "triangle-ts": TriangleTs,
+    "triangle-ts-single": TriangleTsSingle,
 }
 
 __all__ = ["METHODS", "Caster", "Method", "make_method", "shadow"]

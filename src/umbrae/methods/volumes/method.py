@@ -58,7 +58,8 @@ class VolumeMethod(Method):
     counter: str = "auto"
 
     guarantee: ClassVar[Guarantee] = Guarantee.BANDED
-    needs: ClassVar[str] = "OpenGL 4.5, a picture"
+    engine: ClassVar[str] = "OpenGL"
+    accepts: ClassVar[tuple[str, ...]] = ("pictures",)
 
     def __post_init__(self) -> None:
         _one_of(self.counting, COUNTING, f"{self.name}: counting")
@@ -109,6 +110,8 @@ class VolumeCaster(Caster):
     """Whether dark caps come with the sides."""
     draws_all_caps: ClassVar[bool] = False
     """Whether light and dark caps come with the sides."""
+    inner_faces: ClassVar[bool] = False
+    """Whether opposite sides of neighbours may fail to cancel in the last bits (see `ShadowMask.inner_faces`)."""
 
     def __init__(self, scene: Scene, method: VolumeMethod, clock: Clock | None) -> None:
         clock = clock or Clock()
@@ -167,7 +170,7 @@ class VolumeCaster(Caster):
         with clock.span("mask"):
             in_shadow = (count != 0) & samples.covered
             band = rounding.band(samples, self._normals)
-        return ShadowMask(in_shadow, self.promise, band, stats)
+        return ShadowMask(in_shadow, self.promise, band, self.inner_faces, stats)
 
     def count(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> NDArray[np.int32]:
         """`(h, w)` or `(h, w, s) int32` how many volumes hold each sample: what the counter says in the end."""
@@ -277,9 +280,7 @@ class VolumeCaster(Caster):
             )
         return (False, held.volumes) if held.clear else (True, 0)
 
-    def _capped(
-        self, camera: Camera, behind: bool, casting: NDArray[np.bool_] | None
-    ) -> NDArray[np.int32]:
+    def _capped(self, camera: Camera, behind: bool, casting: NDArray[np.bool_] | None) -> NDArray[np.int32]:
         """`(n,)` triangles of the mesh whose caps must be drawn: all of them for z-fail, few for z-pass (see `eye`)."""
         mesh, topology = self.mesh, self.mesh.edges
         if behind:

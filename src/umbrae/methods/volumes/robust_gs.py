@@ -64,10 +64,11 @@ class RobustGsCaster(VolumeCaster):
     def _cheap(self, light: Light) -> NDArray[np.bool_]:
         """`(t,)` the triangles of solids that do not hold the light in their box."""
         x = light.position[:3].astype(np.float64)
-        holds = ((self._solids.lower <= x) & (x <= self._solids.upper)).all(axis=1)
-        if light.is_directional:
-            holds[:] = False
-        return (self._solid >= 0) & ~np.append(holds, True)[self._solid]
+        holds: NDArray[np.bool_] = np.all((self._solids.lower <= x) & (x <= self._solids.upper), axis=1)
+        # The last entry is for triangles of no solid, whose number is -1.
+        free = np.append(~holds | light.is_directional, False)
+        cheap: NDArray[np.bool_] = free[self._solid]
+        return cheap
 
 
 def adjacency(winding: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -50,7 +50,9 @@ class SilhouetteComputeCaster(SilhouetteCaster):
 
     def extract(self, frame: Frame, clock: Clock) -> dict[str, int]:
         shader = program(
-            self.session, HERE / "silhouette_compute.glsl", {**self.multiplicity_constants, **({} if frame.stencil else {"FLOAT_COUNTER": 1})}
+            self.session,
+            HERE / "silhouette_compute.glsl",
+            {**self.multiplicity_constants, **({} if frame.stencil else {"FLOAT_COUNTER": 1})},
         )
         apply(shader, frame.uniforms)
         shader["edge_count"].value = self._edge_count

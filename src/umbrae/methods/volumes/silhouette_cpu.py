@@ -4,13 +4,12 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from umbrae.clock import Clock
-from umbrae.geometry.predicates import facing
+from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.gl.program import program
-from umbrae.methods.volumes.method import CONSTANTS, HERE, Frame, VolumeCaster, VolumeMethod
-from umbrae.parallel import kernel, run
+from umbrae.methods.volumes.method import HERE, Frame, SilhouetteCaster, SilhouetteMethod
+from umbrae.parallel import inline, kernel, run
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
@@ -18,11 +17,12 @@ _CHUNK = 1 << 14
 
 
 @dataclass(frozen=True)
-class SilhouetteCpu(VolumeMethod):
-    """Shadow volumes of silhouettes that all CPU cores extract, edge by edge (after Brabec and Seidel 2003, van Waveren 2005).
+class SilhouetteCpu(SilhouetteMethod):
+    """Shadow volumes of silhouettes that all CPU cores extract (after Brabec and Seidel 2003, van Waveren 2005).
 
     Multiplicities are those of Kim et al. 2008 with one decision for each triangle (Milet et al., section 2.2), which
-    here is the exact predicate's: the volumes are closed on any soup.
+    here is the exact predicate's: the volumes are closed on any soup. The weaker kinds of `determinism` compute in
+    float32, as on a GPU.
     """
 
     name: ClassVar[str] = "silhouette-cpu"
@@ -32,29 +32,33 @@ class SilhouetteCpu(VolumeMethod):
         return SilhouetteCpuCaster(scene, self, clock)
 
 
-class SilhouetteCpuCaster(VolumeCaster):
+class SilhouetteCpuCaster(SilhouetteCaster):
     """The mesh with its edges; the silhouette of a light is extracted anew for every frame."""
 
     _ENTRY = np.dtype([("a", np.float32, 3), ("b", np.float32, 3), ("multiplicity", np.int32)])
 
     @property
     def cap_constants(self) -> dict[str, int | str]:
-        return {**CONSTANTS, "DETERMINISM": 0, "FACING_FROM_BUFFER": 1}
+        return {**super().cap_constants, **({"FACING_FROM_BUFFER": 1} if self._exact else {})}
+
+    @property
+    def _exact(self) -> bool:
+        return self.method.determinism == "reference-edge"
 
     def extract(self, frame: Frame, clock: Clock) -> dict[str, int]:
         mesh, topology = self.mesh, self.mesh.edges
-        side = np.empty(len(mesh.triangles), np.int32)
+        light = np.array(frame.uniforms["light"], np.float32)
         multiplicity = np.empty(len(topology.vertices), np.int32)
-        light = np.array(frame.uniforms["light"])
-
-        def parts(count: int) -> list[tuple[int, int]]:
-            return [(start, min(start + _CHUNK, count)) for start in range(0, count, _CHUNK)]
-
-        triangles, edges = parts(len(side)), parts(len(multiplicity))
-        run(lambda i: _face(mesh.positions, mesh.triangles, light, *triangles[i], side), len(triangles))
-        run(
-            lambda i: _sum(topology.offsets, topology.triangle, mesh.sign, side, *edges[i], multiplicity), len(edges)
-        )
+        chunks = [(start, min(start + _CHUNK, len(multiplicity))) for start in range(0, len(multiplicity), _CHUNK)]
+        if self._exact:
+            side = facing_of_all(mesh.positions, mesh.triangles, light)
+            self._side = self.buffer(side.astype(np.int32))
+            arrays = topology.offsets, topology.triangle, mesh.sign, side
+            run(lambda i: _sum(*arrays, *chunks[i], multiplicity), len(chunks))
+        else:
+            strict = self.method.determinism == "three-edge"
+            soup = mesh.positions, topology.vertices, topology.offsets, mesh.opposite
+            run(lambda i: _sum_by_edge(*soup, light, strict, *chunks[i], multiplicity), len(chunks))
         found = np.flatnonzero(multiplicity)
         m = multiplicity[found]
         if frame.stencil:  # counts by ones
@@ -62,24 +66,21 @@ class SilhouetteCpuCaster(VolumeCaster):
         entries = np.empty(len(found), self._ENTRY)
         entries["a"], entries["b"] = (mesh.positions[topology.vertices[found, end]] for end in range(2))
         entries["multiplicity"] = m
-        self._entries, self._count_entries = self.buffer(entries), len(entries)
-        self._side = self.buffer(side)
+        self._entries, self._entry_count = self.buffer(entries), len(entries)
         return {"silhouette_edges": int(np.count_nonzero(multiplicity))}
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
         drawn = program(self.session, HERE / "quads.glsl", frame.constants)
         self.prepare_program(drawn, frame)
-        if self._count_entries:
+        if self._entry_count:
             content: list[Any] = [(self._entries, "3f 3f 1i/i", "a", "b", "multiplicity")]
             array = self.session.moderngl.vertex_array(drawn, content)
-            array.render(self.session.moderngl.TRIANGLE_STRIP, vertices=4, instances=self._count_entries)
-        self._side.bind_to_storage_buffer(1)
+            array.render(self.session.moderngl.TRIANGLE_STRIP, vertices=4, instances=self._entry_count)
 
-
-@kernel
-def _face(positions, triangles, light, start, stop, side):
-    for t in range(start, stop):
-        side[t] = facing(positions, triangles, t, light)
+    def prepare_program(self, drawn: Any, frame: Frame) -> None:
+        super().prepare_program(drawn, frame)
+        if self._exact:
+            self._side.bind_to_storage_buffer(1)
 
 
 @kernel
@@ -89,3 +90,36 @@ def _sum(offsets, triangle, sign, side, start, stop, multiplicity):
         for entry in range(offsets[edge], offsets[edge + 1]):
             total += sign[entry] * side[triangle[entry]]
         multiplicity[edge] = total
+
+
+@kernel
+def _sum_by_edge(positions, vertices, offsets, opposite, light, strict, start, stop, multiplicity):
+    """The same with a side for each edge of a triangle, or only where its three edges agree: `multiplicity.glsl`."""
+    for edge in range(start, stop):
+        a, b = vertices[edge, 0], vertices[edge, 1]
+        total = 0
+        for entry in range(offsets[edge], offsets[edge + 1]):
+            o = opposite[entry]
+            side = _opposite_side(positions, light, a, b, o)
+            if strict:
+                p, q, r = min(a, o), min(max(a, o), b), max(b, o)
+                first = _opposite_side(positions, light, p, q, r)
+                second = _opposite_side(positions, light, q, r, p)
+                third = -_opposite_side(positions, light, p, r, q)
+                side = 0
+                if first == second and second == third:
+                    side = -first if q == o else first
+            total += side
+        multiplicity[edge] = total
+
+
+@inline
+def _opposite_side(positions, light, a, b, o):
+    """The side of the plane through the light and the edge from a to b that vertex o lies on, in float32."""
+    w = light[3]
+    ax, ay, az = positions[a, 0], positions[a, 1], positions[a, 2]
+    tx, ty, tz = light[0] - w * ax, light[1] - w * ay, light[2] - w * az
+    ex, ey, ez = positions[b, 0] - ax, positions[b, 1] - ay, positions[b, 2] - az
+    dx, dy, dz = positions[o, 0] - ax, positions[o, 1] - ay, positions[o, 2] - az
+    value = (ty * ez - tz * ey) * dx + (tz * ex - tx * ez) * dy + (tx * ey - ty * ex) * dz
+    return 1 if value > 0 else (-1 if value < 0 else 0)

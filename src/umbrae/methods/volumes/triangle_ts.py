@@ -16,9 +16,9 @@ class TriangleTs(VolumeMethod):
     A first pass draws sides and dark caps, a second one light caps. No preprocessing, any soup.
 
     Deviation from the paper: corners come in ascending order and the triangle's side is decided by the exact
-    predicate's twin, so all triangles have their fronts outside whatever their winding. Neighbours draw the side between
-    them in opposite directions, and OpenGL leaves open along which diagonal the ring is split: where the two splits
-    differ, they cancel up to the rounding of depth only.
+    predicate's twin, so all triangles have their fronts outside whatever their winding. Neighbours draw the side
+    between them in opposite directions, and OpenGL leaves open along which diagonal the ring is split: where the two
+    splits differ, they cancel up to the rounding of depth only.
     """
 
     name: ClassVar[str] = "triangle-ts"
@@ -32,6 +32,7 @@ class TriangleTsCaster(VolumeCaster):
     """Nothing but the triangles."""
 
     draws_dark_caps = True
+    inner_faces = True
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
         self.session.moderngl.patch_vertices = 3

@@ -34,6 +34,7 @@ class TriangleTsSingleCaster(VolumeCaster):
     """The triangles, each with its own number for a fourth vertex."""
 
     draws_all_caps = True
+    inner_faces = True
 
     def upload(self, clock: Clock) -> None:
         positions, triangles = self.mesh.positions, self.mesh.triangles

@@ -71,9 +71,8 @@ def far_plane(scene: Scene, camera: Camera, light: Light, scale: float) -> tuple
             reached += _BEYOND * (reached - start) + _BEYOND * float(np.abs(high - low).max())
             if (reached - start) / slope < shortest:
                 shortest = (reached - start) / slope
-                normal = [0.0, 0.0, 0.0]
-                normal[axis] = sign
-                best = (*normal, reached * scale)
+                x, y, z = (sign if other == axis else 0.0 for other in range(3))
+                best = (x, y, z, reached * scale)
     return best
 
 
