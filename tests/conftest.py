@@ -1,8 +1,14 @@
-"""What all tests share: kernels compiled from today's sources, and hypothesis without deadlines."""
+"""What all tests share: kernels compiled from today's sources, hypothesis without deadlines, and OpenGL."""
 
+import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from umbrae.gl.context import Session
 
 PACKAGE = Path(__file__).parents[1] / "src" / "umbrae"
 
@@ -23,3 +29,28 @@ def forget_stale_kernels() -> None:
 forget_stale_kernels()
 settings.register_profile("umbrae", deadline=None, derandomize=True)
 settings.load_profile("umbrae")
+
+
+@pytest.fixture
+def opengl() -> "Session":
+    """The OpenGL context. Without one a test fails; it skips only where UMBRAE_GL=off says so, and never in CI."""
+    from umbrae.errors import GraphicsError
+    from umbrae.gl.context import session
+
+    try:
+        return session()
+    except GraphicsError as error:
+        if os.environ.get("UMBRAE_GL") == "off" and not os.environ.get("CI"):
+            pytest.skip(str(error))
+        pytest.fail(str(error), pytrace=False)
+
+
+@pytest.fixture(autouse=True)
+def engine(request: pytest.FixtureRequest) -> None:
+    """Tests with a parameter `method` need what that method runs on."""
+    from umbrae.methods import METHODS
+
+    parameters = request.node.callspec.params if hasattr(request.node, "callspec") else {}
+    method = METHODS.get(str(parameters.get("method")))
+    if method is not None and method.engine == "OpenGL":
+        request.getfixturevalue("opengl")
