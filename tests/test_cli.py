@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ from rich.console import Console
 import umbrae as um
 from umbrae import cli, models
 from umbrae.console import ConsoleClock
+from umbrae.methods.frustum_cpu import Frustum
+from umbrae.verify import Truth
 
 ROOT = Path(__file__).parents[1]
 
@@ -185,6 +188,16 @@ BAD = {
     "render roof.glb --eye 1,2,3 --target 1,2,3": "eye and target are the same point",
     "render roof.glb --method frustrum": "unknown method 'frustrum'; did you mean 'frustum'? (known: oracle",
     "render roof.glb --samples-per-pixel 0": "'--samples-per-pixel'",
+    "render roof.glb --counting zpass": "method frustum has no option counting (it has: front_face_culling)",
+    "render roof.glb --method silhouette-cpu --counting zpas": "wanted one of auto, zpass, zfail, got 'zpas'",
+    "render roof.glb --method silhouette-cpu --counter x": "wanted one of auto, stencil, float, got 'x'",
+    "render roof.glb --method oracle --determinism none": "method oracle has no option determinism (it has: tree)",
+    "render roof.glb --show count": "--show count: method frustum has no volumes (these have: silhouette-cpu",
+    "render roof.glb --method silhouette-cpu --show lines": "'--show': wanted count or volumes, got 'lines'",
+    "render roof.glb --method silhouette-cpu --show count --sun 1,2 --light 1,2,3": "wanted one light, got 2",
+    "render roof.glb --method silhouette-cpu --show volumes --samples-per-pixel 2": "such as 1, 4 or 9, got 2",
+    "render roof.glb --method silhouette-cpu --show volumes --mask m.png": "has no --mask and no --npz",
+    "render roof.glb --method silhouette-cpu --show count --size 64x18": "more than 18 pixels of height",
     "render roof.glb -o nowhere/out.png": "nowhere/out.png: no such folder",
     "render roof.glb -o out.xyz": "out.xyz: unknown extension '.xyz'",
     "render roof.glb --npz out.txt": "out.txt: unknown extension '.txt'",
@@ -198,6 +211,10 @@ BAD = {
     "scene spheres --grid 10": "'--grid': wanted two whole numbers",
     "scene pavilion -o out.png": "out.png: unknown extension '.png'",
     "verify roof.glb --count 0": "'--count'",
+    "verify roof.glb --method al": "unknown method 'al'",
+    "verify roof.glb --method frustum --counter float": "method frustum has no option counter",
+    "verify roof.glb --method all --counter doubles": "wanted one of auto, stencil, float, got 'doubles'",
+    "doctor roof.glb": "unexpected extra argument",
     "info folder": "is not a file",
 }
 
@@ -318,6 +335,142 @@ def test_verify_passes_an_exact_method(capsys):
     assert umbrae(texts, "--json") == 0
     first, second = json.loads(capsys.readouterr().out)["lights"]
     assert first["checked"] == second["checked"] == 500 and first["outside_band"] == 0
+
+
+@dataclass(frozen=True)
+class AllDark(um.Method):
+    """Wrong wherever light arrives; its promise is that of the class made of it."""
+
+    refuses: bool = False
+
+    name = "all-dark"
+    paper = "none"
+    guarantee = um.Guarantee.EXACT
+
+    def prepare(self, scene, clock=None):
+        if self.refuses and len(scene.triangles) == 4:  # but not the warm-up's
+            raise um.OptionError("not\nthis one")
+        return self
+
+    def shadow(self, light, samples, clock=None):
+        return um.ShadowMask(np.ones(samples.shape, bool) & samples.covered, self.guarantee)
+
+
+class Promiseless(AllDark):
+    name = "promiseless"
+    guarantee = um.Guarantee.NONE
+
+
+class Refusing(AllDark):
+    name = "refusing"
+
+    def __init__(self):
+        super().__init__(refuses=True)
+
+
+ALL = "verify roof.glb --size 64x36 --count 500 --sun 120,40 --method all -q"
+
+
+def only(monkeypatch, *methods):
+    """Leave the oracle, and these."""
+    for name in list(um.METHODS):
+        if name != "oracle":
+            monkeypatch.delitem(um.METHODS, name)
+    for method in methods:
+        monkeypatch.setitem(um.METHODS, method.name, method)
+
+
+def test_verify_all_judges_what_can_run_and_names_what_cannot(capsys, monkeypatch):
+    only(monkeypatch, Frustum, Refusing, Promiseless)
+    found = []
+    monkeypatch.setattr(Truth, "find", lambda *texts, find=Truth.find: found.append(1) or find(*texts))
+    assert umbrae(ALL) == 0, "one refuses, one promises nothing"
+    out, err = capsys.readouterr()
+    assert err == "" and len(found) == 1
+    title, _, heads, frustum, promiseless, refusing = out.splitlines()
+    assert title.startswith("sun towards (") and title.endswith("wrong of 500 samples")
+    assert heads.split() == ["method", "guarantee", "band", "band", "margin", "seconds"]
+    assert frustum.split()[:5] == ["frustum", "exact", "0", "0", "0"]
+    assert promiseless.split()[:2] == ["promiseless", "none"] and int(promiseless.split()[2]) > 0
+    assert refusing == "not judged: refusing: not this one"
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_verify_all_ends_with_1_for_a_broken_promise(capsys, monkeypatch):
+    only(monkeypatch, AllDark, Frustum)
+    assert umbrae(ALL, "--light", "0,3,0", "--json") == 1
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["method"] == "all" and len(facts["lights"]) == 2
+    for light in facts["lights"]:
+        dark, frustum = light["methods"]
+        assert (dark["method"], frustum["method"]) == ("all-dark", "frustum")
+        assert dark["outside_band"] == dark["mismatches"] > 0 and dark["guarantee"] == "exact"
+        assert frustum["outside_band"] == 0 and frustum["classes"] == {} and frustum["seconds"] > 0
+        assert frustum["options"] == {"front_face_culling": False}
+
+
+def test_verify_all_does_not_hide_bugs(capsys, monkeypatch):
+    only(monkeypatch, AllDark)
+    monkeypatch.setattr(AllDark, "prepare", lambda *_: 1 / 0)
+    assert umbrae(ALL) == 70
+    assert line(capsys.readouterr().err).startswith("umbrae: error: ZeroDivisionError")
+
+
+def test_options_go_to_the_methods_that_have_them_when_all_are_verified(capsys, monkeypatch):
+    only(monkeypatch, Frustum)
+    assert umbrae(ALL, "--counter", "float") == 2
+    assert line(capsys.readouterr().err) == "umbrae: error: no method has an option counter"
+
+
+@pytest.fixture
+def no_opengl(monkeypatch):
+    """A machine without OpenGL, whatever this one has."""
+
+    def missing():
+        raise um.GraphicsError("libEGL is missing: look elsewhere")
+
+    monkeypatch.setattr("umbrae.methods.volumes.method.session", missing)
+
+
+def test_without_opengl_there_is_one_line(capsys, no_opengl):
+    for command in ("render", "verify"):
+        assert umbrae(f"{command} roof.glb --method silhouette-cpu --size 32x18 -q") == 2
+        assert line(capsys.readouterr().err) == "umbrae: error: libEGL is missing: look elsewhere"
+    assert umbrae(ALL) == 0
+    out = capsys.readouterr().out
+    assert "frustum" in out and out.splitlines()[-1].endswith(": libEGL is missing: look elsewhere")
+
+
+def test_opengl_on_the_command_line(capsys, opengl):
+    view = "roof.glb --size 64x36 --sun 120,40 --json"
+    assert umbrae(f"render {view} --mask frustum.png") == 0
+    assert umbrae(f"render {view} --mask m.png --method silhouette-cpu --counting zfail --counter float") == 0
+    plain, facts = (json.loads(text) for text in capsys.readouterr().out.splitlines())
+    assert {"counting": "zfail", "counter": "float"}.items() <= facts["options"].items()
+    assert facts["guarantee"] == "banded"
+    assert facts["lights"][0]["stats"]["zfail"] == 1
+    assert {"gpu sides", "sides"} <= set(facts["seconds"])
+    for seconds in (plain["seconds"], facts["seconds"]):
+        assert seconds["frame"] == sum(seconds[name] for name in ("sample", "shadow", "shade"))
+    assert (pixels("m.png") != pixels("frustum.png")).mean() < 0.01
+    assert umbrae(f"render {view} --method silhouette-cpu --determinism none") == 0
+    assert json.loads(capsys.readouterr().out)["guarantee"] == "none", "what the mask promises, not the method"
+    assert umbrae(f"verify {view} --count 500 --method silhouette-cpu --counting zpass") == 0
+    (judged,) = json.loads(capsys.readouterr().out)["lights"]
+    assert judged["checked"] == 500 and set(judged["classes"]) == {"boundary", "facing away"}
+    assert sum(judged["classes"].values()) == judged["mismatches"]
+
+
+def test_the_table_of_methods_fits_into_100_columns(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    assert cli.run(["methods"]) == 0
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 100 and "…" not in out
+    rows = {text.split()[0]: text for text in out.splitlines() if not text.startswith(" ")}
+    assert set(rows) == {"name", *um.METHODS}
+    for name, method in um.METHODS.items():
+        assert f" {method.engine} " in rows[name] and f" {method.guarantee} " in rows[name]
+        assert all(f"{option}={value}" in out for option, value in method().options().items())
 
 
 def test_verify_ends_with_1_for_a_wrong_method(capsys, monkeypatch):

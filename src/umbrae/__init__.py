@@ -4,6 +4,7 @@ from umbrae.camera import Camera
 from umbrae.clock import Clock
 from umbrae.errors import (
     CapacityError,
+    GraphicsError,
     InputError,
     ModelError,
     OptionError,
@@ -32,6 +33,7 @@ __all__ = [
     "CapacityError",
     "Caster",
     "Clock",
+    "GraphicsError",
     "Guarantee",
     "Image",
     "InputError",

@@ -13,6 +13,9 @@ from umbrae.console import ConsoleClock, print_json
 from umbrae.methods import METHODS
 from umbrae.options import Json, Model, Quiet
 
+WIDE = 96
+"""Columns of a terminal from which the table of methods has room for whole options."""
+
 
 def info_command(model: Model, as_json: Json = False) -> None:
     """Say what MODEL consists of."""
@@ -28,17 +31,17 @@ def info_command(model: Model, as_json: Json = False) -> None:
 
 def methods() -> None:
     """List the shadow algorithms."""
-    rows = Table(box=None, pad_edge=False, header_style="bold")
+    console = Console(highlight=False)
+    rows = Table(box=None, pad_edge=False, collapse_padding=True)
     rows.add_column("name", no_wrap=True)
-    rows.add_column("paper")
-    for name in ("engine", "guarantee"):
+    rows.add_column("paper", overflow="fold")
+    for name in ("engine", "guarantee", "takes"):
         rows.add_column(name, no_wrap=True)
-    rows.add_column("takes")
-    rows.add_column("options")
+    rows.add_column("options", overflow="fold", no_wrap=console.width >= WIDE)
     for name, method in METHODS.items():
         options = "\n".join(f"{field.name}={field.default}" for field in dataclasses.fields(method)) or "none"
         rows.add_row(name, method.paper, method.engine, method.guarantee, "\n".join(method.accepts), options)
-    Console(highlight=False).print(rows)
+    console.print(rows)
 
 
 def doctor_command(as_json: Json = False, quiet: Quiet = False) -> None:

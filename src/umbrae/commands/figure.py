@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
+import typer
 from numpy.typing import NDArray
 
 import umbrae as um
@@ -28,6 +29,13 @@ class Show(enum.StrEnum):
 
     COUNT = "count"
     VOLUMES = "volumes"
+
+
+def kind_of(text: str) -> Show:
+    """What `--show` asks for."""
+    if text not in list(Show):
+        raise typer.BadParameter(f"wanted {' or '.join(Show)}, got {text!r}")
+    return Show(text)
 
 
 def check(kind: Show, method: Method, lights: int, samples_per_pixel: int, others: Collection[object]) -> None:

@@ -9,7 +9,7 @@ import umbrae as um
 from umbrae import arguments, files, outputs
 from umbrae.arguments import Size
 from umbrae.clock import Clock
-from umbrae.commands.figure import Show, check, figure, picture_height
+from umbrae.commands.figure import Show, check, figure, kind_of, picture_height
 from umbrae.commands.model import load, note_if_nothing_is_seen
 from umbrae.console import ConsoleClock, print_json
 from umbrae.methods import make_method
@@ -57,7 +57,10 @@ def render(
     determinism: Determinism = None,
     counter: Counter = None,
     show: Annotated[
-        Show | None, typer.Option(help="A figure instead: what shadow volumes count, or the volumes themselves.")
+        Show | None,
+        typer.Option(
+            parser=kind_of, metavar="count|volumes", help="A figure: how many shadow volumes hold each sample, or they."
+        ),
     ] = None,
     mask: Annotated[
         Path | None,

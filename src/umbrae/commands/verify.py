@@ -156,26 +156,26 @@ def _place(scene: um.Scene, light: um.Light) -> str:
 
 
 def _print_table(place: str, outcomes: list[Outcome]) -> None:
-    """A row for each verdict, a line for each reason why there is none."""
+    """A row for each verdict, a line for each reason why there is none. All have judged the same samples."""
     verdicts = [(outcome, outcome.verdict) for outcome in outcomes if outcome.verdict is not None]
     classes = list(dict.fromkeys(name for _, verdict in verdicts for name in verdict.classes))
     rows = Table(box=None, pad_edge=False, collapse_padding=True)
     rows.add_column("method", no_wrap=True)
     rows.add_column("guarantee", no_wrap=True)
-    for name in ("checked", "outside band", "inside band", *classes, "worst margin", "seconds"):
+    for name in ("outside band", "inside band", *classes, "worst margin", "seconds"):
         rows.add_column(name.replace(" ", "\n", 1), justify="right", vertical="bottom")
     for outcome, verdict in verdicts:
         rows.add_row(
             outcome.method.name,
             outcome.guarantee,
-            f"{verdict.checked:,}",
             f"{verdict.outside_band:,}",
             f"{verdict.inside_band:,}",
             *(f"{verdict.classes[name]:,}" if name in verdict.classes else "" for name in classes),
             f"{verdict.worst_margin:.2g}",
             f"{outcome.seconds:.2f}",
         )
-    print(f"{place}: wrong samples")
+    checked = max((verdict.checked for _, verdict in verdicts), default=0)
+    print(f"{place}: wrong of {checked:,} samples")
     Console(highlight=False).print(rows)
     reasons: dict[str, list[str]] = {}
     for outcome in outcomes:
