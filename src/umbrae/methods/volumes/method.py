@@ -176,6 +176,26 @@ class VolumeCaster(Caster):
         """`(h, w)` or `(h, w, s) int32` how many volumes hold each sample: what the counter says in the end."""
         return self._count(light, samples, clock or Clock())[0]
 
+    def net_count(self, light: Light, samples: ViewSamples) -> NDArray[np.int32]:
+        """`(h, w) int32` what all faces of all volumes add up to at each pixel, whatever their depth.
+
+        Where volumes are closed, that is the number of them around the eye at every pixel, with nothing to compare
+        depths with. `samples` are a picture with one sample in each pixel.
+        """
+        camera = self._camera_of(samples)
+        if not len(self.mesh.triangles):
+            return np.zeros(samples.shape, np.int32)
+        with self.session.current() as current:
+            target = count_target(current, camera.width, camera.height, stencil=False)
+            frame = Frame(light, True, False, view_uniforms(camera, light, self.mesh.scale, 0, 1))
+            self.extract(frame, Clock())
+            target.clear(0)
+            count_faces(current, target, behind=True, depth_test=False)
+            self.draw_sides(frame, samples)
+            if not self.draws_all_caps:
+                self._draw_caps(frame, samples, self._capped(camera, True, self.casting(light)))
+            return target.read()
+
     def faces_before(self, light: Light, samples: ViewSamples, outlines: bool = False) -> NDArray[np.int32]:
         """`(h, w) int32` how many side faces of volumes lie between the eye and each pixel, or edges of such faces.
 

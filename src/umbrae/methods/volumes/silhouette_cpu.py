@@ -39,26 +39,25 @@ class SilhouetteCpuCaster(SilhouetteCaster):
 
     @property
     def cap_constants(self) -> dict[str, int | str]:
-        return {**super().cap_constants, **({"FACING_FROM_BUFFER": 1} if self._exact else {})}
-
-    @property
-    def _exact(self) -> bool:
-        return self.method.determinism == "reference-edge"
+        return {**super().cap_constants, "FACING_FROM_BUFFER": 1}
 
     def extract(self, frame: Frame, clock: Clock) -> dict[str, int]:
         mesh, topology = self.mesh, self.mesh.edges
         light = np.array(frame.uniforms["light"], np.float32)
         multiplicity = np.empty(len(topology.vertices), np.int32)
         chunks = [(start, min(start + _CHUNK, len(multiplicity))) for start in range(0, len(multiplicity), _CHUNK)]
-        if self._exact:
+        if self.method.determinism == "reference-edge":
             side = facing_of_all(mesh.positions, mesh.triangles, light)
-            self._side = self.buffer(side.astype(np.int32))
+        else:
+            side = np.empty(len(mesh.triangles), np.int8)
+            _face_by_edges(mesh.positions, mesh.triangles, light, self.method.determinism == "three-edge", side)
+        self._side = self.buffer(side.astype(np.int32))
+        if self.method.determinism == "none":
+            soup = mesh.positions, topology.vertices, topology.offsets, mesh.opposite
+            run(lambda i: _sum_by_edge(*soup, light, *chunks[i], multiplicity), len(chunks))
+        else:
             arrays = topology.offsets, topology.triangle, mesh.sign, side
             run(lambda i: _sum(*arrays, *chunks[i], multiplicity), len(chunks))
-        else:
-            strict = self.method.determinism == "three-edge"
-            soup = mesh.positions, topology.vertices, topology.offsets, mesh.opposite
-            run(lambda i: _sum_by_edge(*soup, light, strict, *chunks[i], multiplicity), len(chunks))
         found = np.flatnonzero(multiplicity)
         m = multiplicity[found]
         if frame.stencil:  # counts by ones
@@ -79,8 +78,7 @@ class SilhouetteCpuCaster(SilhouetteCaster):
 
     def prepare_program(self, drawn: Any, frame: Frame) -> None:
         super().prepare_program(drawn, frame)
-        if self._exact:
-            self._side.bind_to_storage_buffer(1)
+        self._side.bind_to_storage_buffer(1)
 
 
 @kernel
@@ -93,23 +91,25 @@ def _sum(offsets, triangle, sign, side, start, stop, multiplicity):
 
 
 @kernel
-def _sum_by_edge(positions, vertices, offsets, opposite, light, strict, start, stop, multiplicity):
-    """The same with a side for each edge of a triangle, or only where its three edges agree: `multiplicity.glsl`."""
+def _face_by_edges(positions, triangles, light, strict, side):
+    """Each triangle's side as its first edge has it, in float32; 0 where `strict` and the other two disagree."""
+    for t in range(len(triangles)):
+        p, q, r = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        side[t] = _opposite_side(positions, light, p, q, r)
+        if strict:
+            second, third = _opposite_side(positions, light, q, r, p), -_opposite_side(positions, light, p, r, q)
+            if side[t] != second or side[t] != third:
+                side[t] = 0
+
+
+@kernel
+def _sum_by_edge(positions, vertices, offsets, opposite, light, start, stop, multiplicity):
+    """The same with a side for each edge of a triangle by itself."""
     for edge in range(start, stop):
         a, b = vertices[edge, 0], vertices[edge, 1]
         total = 0
         for entry in range(offsets[edge], offsets[edge + 1]):
-            o = opposite[entry]
-            side = _opposite_side(positions, light, a, b, o)
-            if strict:
-                p, q, r = min(a, o), min(max(a, o), b), max(b, o)
-                first = _opposite_side(positions, light, p, q, r)
-                second = _opposite_side(positions, light, q, r, p)
-                third = -_opposite_side(positions, light, p, r, q)
-                side = 0
-                if first == second and second == third:
-                    side = -first if q == o else first
-            total += side
+            total += _opposite_side(positions, light, a, b, opposite[entry])
         multiplicity[edge] = total
 
 

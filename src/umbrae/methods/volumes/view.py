@@ -42,6 +42,7 @@ def view_uniforms(camera: Camera, light: Light, scale: float, sample: int, per_p
         # Half of what would bring the near plane to depth 1: faces before it, clamped to 1, stay strictly nearer.
         "depth_scale": 0.5 * camera.near * scale,
         "light": tuple(position.tolist()),
+        "far_plane": (0.0, 0.0, 0.0, 0.0),
         "world_scale": scale,
     }
 
