@@ -182,7 +182,7 @@ def _make(way: str) -> Session:
     if way == "off":
         raise GraphicsError(f"OpenGL is switched off (UMBRAE_GL=off); {WAY_OUT}")
     if way not in ("egl", "glfw"):
-        raise GraphicsError(f"UMBRAE_GL: wanted egl, glfw or off, got {way!r}")
+        raise GraphicsError(f"UMBRAE_GL: wanted egl, glfw or off, got {way!r}; {WAY_OUT}")
     if way == "egl":
         os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
     try:
@@ -208,7 +208,7 @@ def _make(way: str) -> Session:
 def _egl(moderngl: ModuleType) -> Session:
     device = os.environ.get("UMBRAE_GL_DEVICE", "0")
     if not device.isdecimal():
-        raise GraphicsError(f"UMBRAE_GL_DEVICE: wanted the number of a device, got {device!r}")
+        raise GraphicsError(f"UMBRAE_GL_DEVICE: wanted the number of a device, got {device!r}; {WAY_OUT}")
     library, opengl = _library("EGL"), _library("OpenGL", "GL")
     context = moderngl.create_context(
         standalone=True, backend="egl", require=MINIMUM, device_index=int(device), libegl=library, libgl=opengl

@@ -8,7 +8,7 @@ belongs to all. `#include "name.glsl"` takes a file of `gl/include`.
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from umbrae.errors import GraphicsError
 from umbrae.gl.context import Session
@@ -25,8 +25,7 @@ _INCLUDES = Path(__file__).parent / "include"
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 _CONDITION = re.compile(r"^\s*#\s*(?:el)?if\b(.*)")
 _DEFINITION = re.compile(r"^\s*#\s*define\s+(\w+)", re.MULTILINE)
-_LINE = re.compile(r"^#line (\d+) (\d+)$")
-_LOCATION = re.compile(r"\b(\d+)[:(](\d+)\b")  # file and line, as Mesa and as others write them
+_LOCATION = re.compile(r"\b0[:(](\d+)\b")  # a line of text 0, as Mesa and as others write it
 
 
 def program(session: Session, path: Path, defines: Mapping[str, int | str] | None = None) -> Any:
@@ -45,32 +44,36 @@ def program(session: Session, path: Path, defines: Mapping[str, int | str] | Non
     return session.kept[key]
 
 
-def source(path: Path, stage: str, defines: Mapping[str, int | str]) -> tuple[str, list[Path]]:
-    """The text of one stage, and the files that its `#line` directives number."""
-    files: list[Path] = []
-    lines = _lines(path, files)
-    body = "\n".join(lines)
+class Line(NamedTuple):
+    """One line of a program's text, and where it comes from."""
+
+    text: str
+    path: Path
+    number: int
+
+
+def source(path: Path, stage: str, defines: Mapping[str, int | str]) -> list[Line]:
+    """The lines of one stage."""
+    lines = _lines(path, [])
+    body = "\n".join(line.text for line in lines)
     for name in defines:
         if not re.search(rf"\b{name}\b", body):
             raise GraphicsError(f"{path.name}: nothing asks for the constant {name}")
-    _check_conditions(lines, files, {stage, *defines, *_DEFINITION.findall(body)})
+    _check_conditions(path, lines, {stage, *defines, *_DEFINITION.findall(body)})
     head = ["#version 450 core", f"#define {stage}", *(f"#define {name} {value}" for name, value in defines.items())]
-    return "\n".join([*head, body, ""]), files
+    return [*(Line(text, path, 0) for text in head), *lines]
 
 
-def _lines(path: Path, files: list[Path], asked: str = "") -> list[str]:
-    if path in files:
+def _lines(path: Path, taken: list[Path], asked: str = "") -> list[Line]:
+    if path in taken:
         return []  # an include counts once
-    files.append(path)
-    number = len(files) - 1
-    lines = [f"#line 1 {number}"]
-    for at, line in enumerate(_read(path, asked).splitlines(), 1):
-        found = _INCLUDE.match(line)
-        if found:
-            included = _lines(_INCLUDES / found[1], files, f"{path.name}:{at}: ")
-            lines += [*included, f"#line {at + 1} {number}"]
+    taken.append(path)
+    lines: list[Line] = []
+    for number, text in enumerate(_read(path, asked).splitlines(), 1):
+        if found := _INCLUDE.match(text):
+            lines += _lines(_INCLUDES / found[1], taken, f"{path.name}:{number}: ")
         else:
-            lines.append(line)
+            lines.append(Line(text, path, number))
     return lines
 
 
@@ -81,46 +84,43 @@ def _read(path: Path, asked: str = "") -> str:
         raise GraphicsError(f"{asked}shader {path.name} cannot be read: {error.strerror}") from error
 
 
-def _check_conditions(lines: list[str], files: list[Path], known: set[str]) -> None:
+def _check_conditions(path: Path, lines: list[Line], known: set[str]) -> None:
     """Refuse names that nothing defines: the language takes them for 0, so that two of them are equal."""
-    file = number = 0
     for line in lines:
-        if place := _LINE.match(line):
-            number, file = int(place[1]), int(place[2])
-            continue
-        if condition := _CONDITION.match(line):
+        if condition := _CONDITION.match(line.text):
             asked = re.sub(r"\bdefined\s*\(?\s*\w+|//.*", "", condition[1])
             for name in re.findall(r"\b[A-Za-z_]\w*", asked):
                 if name not in known:
-                    raise GraphicsError(f"shader {files[0].name}: {files[file].name}:{number}: {name} is not defined")
-        number += 1
+                    raise GraphicsError(f"shader {path.name}: {line.path.name}:{line.number}: {name} is not defined")
 
 
 def _compile(session: Session, path: Path, defines: Mapping[str, int | str]) -> Any:
     text = _read(path)
-    stages = {argument: stage for argument, stage in STAGES.items() if f"#ifdef {stage}" in text}
-    files: list[Path] = [path]
+    present = {argument: stage for argument, stage in STAGES.items() if f"#ifdef {stage}" in text}
+    if COMPUTE in text:
+        present = {"source": COMPUTE}
+    stages = {argument: source(path, stage, defines) for argument, stage in present.items()}
+    codes = {argument: "\n".join([*(line.text for line in lines), ""]) for argument, lines in stages.items()}
+    context = session.moderngl
     try:
-        if COMPUTE in text:
-            code, files = source(path, COMPUTE, defines)
-            return session.moderngl.compute_shader(code)
-        codes = {}
-        for argument, stage in stages.items():
-            codes[argument], files = source(path, stage, defines)
-        return session.moderngl.program(**codes)
-    except GraphicsError:
-        raise
-    except Exception as error:  # moderngl.Error, whose text is the driver's log
-        session.messages.clear()
-        raise GraphicsError(f"shader {path.name}: {_first_complaint(str(error), files)}") from error
+        return context.compute_shader(**codes) if "source" in codes else context.program(**codes)
+    except session.failure as error:
+        session.messages.clear()  # which say the same once more
+        raise GraphicsError(f"shader {path.name}: {_first_complaint(str(error), stages)}") from error
 
 
-def _first_complaint(log: str, files: list[Path]) -> str:
-    """The first line of a driver's log that names a place, with the file's name in place of its number."""
-    for line in log.splitlines():
-        found = _LOCATION.search(line)
-        if found and int(found[1]) < len(files):
-            return f"{files[int(found[1])].name}:{found[2]}: {line[found.end() :].lstrip(' ():0123456789')}"
+def _first_complaint(log: str, stages: Mapping[str, list[Line]]) -> str:
+    """The first line of a driver's log that names a place, in terms of files.
+
+    Mesa forgets which file of several it is in, so drivers are given one text: stages begin alike, and differ in
+    nothing that moves a line.
+    """
+    lines = next(iter(stages.values()), [])
+    for complaint in log.splitlines():
+        found = _LOCATION.search(complaint)
+        if found and 0 < int(found[1]) <= len(lines):
+            line = lines[int(found[1]) - 1]
+            return f"{line.path.name}:{line.number}: {complaint[found.end() :].lstrip(' ():0123456789')}"
     return " ".join(log.split())
 
 
