@@ -1,6 +1,5 @@
 """A soup as shadow volumes want it: welded by position, ordered, with the vertices opposite to each edge."""
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.geometry.edges import Edges, edges, weld
+from umbrae.projection import unit_scale
 from umbrae.scene import Scene
 
 
@@ -72,8 +72,7 @@ def volume_mesh(scene: Scene) -> VolumeMesh:
     triangles = np.ascontiguousarray(ordered[proper])
     cap_of = np.full(len(ordered), -1, np.int32)
     cap_of[proper] = _first_equal(triangles)
-    largest = float(np.abs(scene.positions[scene.triangles]).max(initial=0.0))
-    scale = 2.0 ** -math.frexp(largest)[1] if largest > 0 else 1.0
+    scale = unit_scale(scene)
     return VolumeMesh(
         positions=((scene.positions[first] + np.float32(0)).astype(np.float64) * scale).astype(np.float32),
         scale=scale,

@@ -15,7 +15,7 @@ from umbrae.clock import Clock
 from umbrae.errors import InputError, OptionError
 from umbrae.geometry.normals import facet_normals
 from umbrae.gl.context import Session, session
-from umbrae.gl.program import program
+from umbrae.gl.program import apply, program
 from umbrae.gl.state import count_faces, write_depth
 from umbrae.gl.targets import CountTarget, count_target
 from umbrae.gl.timers import stage
@@ -25,7 +25,8 @@ from umbrae.memory import require
 from umbrae.methods.method import Caster, Method
 from umbrae.methods.volumes.eye import contour_vertices, count_at_eye
 from umbrae.methods.volumes.mesh import volume_mesh
-from umbrae.methods.volumes.view import Rounding, Uniforms, apply, far_plane, view_uniforms
+from umbrae.methods.volumes.view import Rounding, far_plane, view_uniforms
+from umbrae.projection import Uniforms
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 

@@ -7,9 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from umbrae.clock import Clock
-from umbrae.gl.program import program
+from umbrae.gl.program import apply, program
 from umbrae.methods.volumes.method import HERE, Frame, SilhouetteCaster, SilhouetteMethod
-from umbrae.methods.volumes.view import apply
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 

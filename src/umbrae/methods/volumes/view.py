@@ -1,15 +1,14 @@
 """The camera and the light as shaders want them, and how far what they compute may be off."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.camera import Camera, pixel_offsets
+from umbrae.camera import Camera
 from umbrae.light import Light
 from umbrae.parallel import kernel, run
+from umbrae.projection import Uniforms, camera_uniforms
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
@@ -19,28 +18,13 @@ _LEAST_SLOPE = 2.0**-6
 _BEYOND = 2.0**-6
 """How far behind everything the far plane lies, as a share of the scene's extent: many roundings."""
 
-Uniforms = Mapping[str, Any]
-
 
 def view_uniforms(camera: Camera, light: Light, scale: float, sample: int, per_pixel: int) -> Uniforms:
     """What `camera.glsl` needs, in units of 1 / `scale`; `sample` of `per_pixel` lies off the pixels' centres."""
-    eye = camera.eye * scale
-    high = eye.astype(np.float32)
-    x, y, forward = camera.world_to_clip[:, :3]
-    across, down = (offsets[sample] for offsets in pixel_offsets(per_pixel))
-    # Moving the picture by part of a pixel brings the sample to the pixel's centre.
-    x = x + (1.0 - 2.0 * across) / camera.width * forward
-    y = y - (1.0 - 2.0 * down) / camera.height * forward
     position = light.position.astype(np.float64)
     position[:3] *= 2.0 ** -np.frexp(np.abs(position[:3]).max())[1] if light.is_directional else scale
     return {
-        "eye_high": tuple(high.tolist()),
-        "eye_low": tuple((eye - high).tolist()),
-        "picture_x": tuple(x.tolist()),
-        "picture_y": tuple(y.tolist()),
-        "forward": tuple(forward.tolist()),
-        # Half of what would bring the near plane to depth 1: faces before it, clamped to 1, stay strictly nearer.
-        "depth_scale": 0.5 * camera.near * scale,
+        **camera_uniforms(camera, scale, sample, per_pixel),
         "light": tuple(position.tolist()),
         "far_plane": (0.0, 0.0, 0.0, 0.0),
         "world_scale": scale,
@@ -75,13 +59,6 @@ def far_plane(scene: Scene, camera: Camera, light: Light, scale: float) -> tuple
                 x, y, z = (sign if other == axis else 0.0 for other in range(3))
                 best = (x, y, z, reached * scale)
     return best
-
-
-def apply(program: Any, uniforms: Uniforms) -> None:
-    """Set those uniforms that the program uses."""
-    for name, value in uniforms.items():
-        if name in program:
-            program[name].value = value
 
 
 @dataclass(frozen=True)
