@@ -106,6 +106,7 @@ def test_polar_night_is_a_result(model, capsys):
         ([*PLACE, *DAY, "--size", "64x40"], "wanted more than 40 pixels of height, which the legend takes"),
         ([*PLACE, *DAY, *SMALL, "--samples-per-pixel", "3"], "wanted a square number such as 1, 4 or 9, got 3"),
         ([*PLACE, *DAY, "--method", "magic"], "unknown method 'magic'"),
+        ([*PLACE, *DAY, "--method", "silhouette-cpu", "-o", "a.csv"], "takes pictures only, and sensors are points"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_one_clear_line(model, capsys, options, message):

@@ -5,6 +5,7 @@ import pytest
 
 from umbrae import Guarantee, InputError, Light, Scene, ShadowMask, ViewSamples, verify
 from umbrae.methods.oracle import Oracle
+from umbrae.verify import Truth
 
 ZENITH = Light.directional((0, -1, 0))
 # Under the zenith its volume is the prism x >= 0, z >= 0, x + z <= 2, y <= 1.
@@ -64,6 +65,22 @@ def test_a_surface_sample_is_measured_where_it_is_and_not_where_it_is_rounded_to
     verdict = judge(scene, samples, 0.0)
     np.testing.assert_allclose(verdict.margin, 2.0**-19, rtol=1e-4)
     assert verdict.margin[0] < 2.0**-19 and not verdict.ok
+
+
+def test_a_truth_is_found_once_and_judges_many_masks():
+    samples = ViewSamples.points([(x / 4, -7, z / 4) for x in range(-4, 12) for z in range(-4, 12)])
+    truth = Truth.find(PRISM, ZENITH, samples, count=100, seed=5)
+    right = Oracle().prepare(PRISM).shadow(ZENITH, samples).in_shadow
+    assert len(truth.chosen) == 100 and (truth.in_shadow == right[truth.chosen]).all()
+    for in_shadow, guarantee in ((right, Guarantee.EXACT), (~right, Guarantee.EXACT), (~right, Guarantee.BANDED)):
+        mask = ShadowMask(in_shadow, guarantee, np.full(samples.shape, 0.25, np.float32))
+        first, second = truth.judge(mask), verify(PRISM, ZENITH, samples, mask, count=100, seed=5)
+        assert first.mismatches == (0 if in_shadow is right else 100)
+        assert (first.inside_band, first.classes) == (second.inside_band, second.classes)
+        np.testing.assert_array_equal(first.wrong, second.wrong)
+        np.testing.assert_array_equal(first.margin, second.margin)
+    with pytest.raises(InputError, match="mask has shape"):
+        truth.judge(ShadowMask(right[1:], Guarantee.EXACT))
 
 
 def test_classes():

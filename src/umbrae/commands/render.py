@@ -59,7 +59,9 @@ def render(
     show: Annotated[
         Show | None,
         typer.Option(
-            parser=kind_of, metavar="count|volumes", help="A figure: how many shadow volumes hold each sample, or they."
+            parser=kind_of,
+            metavar="count|volumes",
+            help="A figure instead: how many shadow volumes hold each sample, or the volumes.",
         ),
     ] = None,
     mask: Annotated[

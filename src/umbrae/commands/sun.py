@@ -77,6 +77,8 @@ def sun(
     studies = [path for path in paths if path not in pictures]
     if grid is not None and not studies:
         raise OptionError(f"--grid is for sensors: wanted an output of {' '.join(sunlight.STUDIES)}")
+    if studies and "points" not in algorithm.accepts:
+        raise OptionError(f"{algorithm.name} takes {' and '.join(algorithm.accepts)} only, and sensors are points")
     zone = sunlight.longitude_zone(lon) if timezone is None else timezone
     times = sunlight.day_times(date, step, zone)
     # A single step is as long as the day; of several, the length is the distance.
