@@ -1,4 +1,4 @@
-// Light caps (the casting triangles) and dark caps (the same at infinity), oriented like their volume.
+// Light caps (the casting triangles) and dark caps (the same at the volume's far end), oriented like their volume.
 
 #include "camera.glsl"
 #include "multiplicity.glsl"
@@ -48,7 +48,7 @@ void main() {
     if (side == 0) return;
     emit_triangle(project_point(corner[0]), project_point(corner[1]), project_point(corner[2]), side, gl_PrimitiveIDIn);
 #ifdef DARK_CAPS
-    if (light.w != 0.0)  // else it is a point
+    if (light.w != 0.0 || far_plane.xyz != vec3(0.0))  // else it is a point
         emit_triangle(project_shadow(corner[0]), project_shadow(corner[1]), project_shadow(corner[2]), -side, -1);
 #endif
 }

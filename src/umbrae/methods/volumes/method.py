@@ -249,7 +249,7 @@ class VolumeCaster(Caster):
         with clock.span("eye"):
             casting = self.casting(light)
             behind, start = self._counting(light, camera, rounding.world, casting)
-        end = (0.0,) * 4 if behind else far_plane(self.scene, camera, light, self.mesh.scale)
+        end = far_plane(self.scene, camera, light, self.mesh.scale)
         frames = [
             Frame(
                 light,
