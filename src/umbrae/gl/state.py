@@ -1,7 +1,18 @@
-"""The state that counting needs beyond what moderngl sets: depth, stencil, blending. Set whole before each pass."""
+"""State beyond what moderngl sets: depth, stencil, blending. Set whole before each pass."""
 
 from umbrae.gl.context import Session
-from umbrae.gl.targets import CountTarget
+from umbrae.gl.targets import CountTarget, IdTarget
+
+
+def see_nearest(session: Session, target: IdTarget) -> None:
+    """Fragments nearer than what is there replace it; what lies before the near plane is clipped."""
+    gl = session.gl
+    _use(session, target)
+    gl.glDisable(gl.GL_DEPTH_CLAMP)
+    gl.glDepthMask(True)
+    gl.glPolygonMode(gl.GL_FRONT_AND_BACK, gl.GL_FILL)
+    gl.glDepthFunc(gl.GL_GREATER)
+    gl.glColorMask(True, True, True, True)
 
 
 def write_depth(session: Session, target: CountTarget) -> None:
@@ -43,11 +54,29 @@ def count_faces(
         gl.glBlendFunc(gl.GL_ONE, gl.GL_ONE)
 
 
-def _use(session: Session, target: CountTarget) -> None:
+def push_back(session: Session, subpixel_bits: int) -> None:
+    """Draw faces, until the next pass, as far behind their place as rounding may have brought them before it.
+
+    A vertex is moved by at most half a step of the subpixel grid in x and in y, so depth by a step's share of the steeper
+    of the two slopes; and depth itself is rounded: 8 steps of float32.
+    """
+    gl = session.gl
+    gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)
+    gl.glPolygonOffset(-(2.0**-subpixel_bits), -8.0)
+
+
+def _use(session: Session, target: CountTarget | IdTarget) -> None:
     gl = session.gl
     gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, target.framebuffer)
     gl.glViewport(0, 0, target.width, target.height)
-    for capability in (gl.GL_CULL_FACE, gl.GL_SCISSOR_TEST, gl.GL_STENCIL_TEST, gl.GL_BLEND, gl.GL_RASTERIZER_DISCARD):
+    for capability in (
+        gl.GL_CULL_FACE,
+        gl.GL_SCISSOR_TEST,
+        gl.GL_STENCIL_TEST,
+        gl.GL_BLEND,
+        gl.GL_RASTERIZER_DISCARD,
+        gl.GL_POLYGON_OFFSET_FILL,
+    ):
         gl.glDisable(capability)
     gl.glEnable(gl.GL_DEPTH_TEST)
     # Not even an infinite far plane stops clipping at the near one: faces nearer than that count as well.

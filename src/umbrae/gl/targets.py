@@ -1,4 +1,4 @@
-"""What is drawn into: depth beside a counter."""
+"""What is drawn into: depth beside a counter, or beside the number of a triangle."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -68,19 +68,90 @@ def count_target(session: Session, width: int, height: int, stencil: bool) -> Co
     kept: CountTarget | None = session.kept.get("count target")
     if kept is not None and (kept.width, kept.height, kept.stencil) == (width, height, stencil):
         return kept
+    _check_size(session, width, height)
+    if kept is not None:
+        session.kept.pop("count target").delete()
+    made = session.kept["count target"] = _count_target(session, width, height, stencil)
+    return made
+
+
+@dataclass(eq=False)
+class IdTarget:
+    """A depth buffer (32-bit float) with the numbers of the primitives that are nearest."""
+
+    session: Session
+    width: int
+    height: int
+    framebuffer: int
+    depth: int
+    ids: int
+
+    def clear(self) -> None:
+        """Nothing nearer than infinity, -1 everywhere."""
+        gl = self.session.gl
+        gl.glDepthMask(True)
+        gl.glColorMask(True, True, True, True)
+        gl.glClearNamedFramebufferfv(self.framebuffer, gl.GL_DEPTH, 0, np.zeros(1, np.float32))
+        gl.glClearNamedFramebufferiv(self.framebuffer, gl.GL_COLOR, 0, np.full(4, -1, np.int32))
+
+    def read(self) -> NDArray[np.int32]:
+        """The numbers, `(height, width)`."""
+        gl = self.session.gl
+        gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, self.framebuffer)
+        gl.glPixelStorei(gl.GL_PACK_ALIGNMENT, 1)
+        found = np.empty((self.height, self.width), np.int32)
+        gl.glReadPixels(0, 0, self.width, self.height, gl.GL_RED_INTEGER, gl.GL_INT, found)
+        return found
+
+    def delete(self) -> None:
+        """Give its memory back."""
+        gl = self.session.gl
+        gl.glDeleteFramebuffers(1, np.array([self.framebuffer], np.uint32))
+        gl.glDeleteTextures(2, np.array([self.depth, self.ids], np.uint32))
+
+
+def id_target(session: Session, width: int, height: int) -> IdTarget:
+    """The target of that size; the last one is kept for the next call.
+
+    Raises
+    ------
+    GraphicsError
+        For a picture larger than the driver's largest texture.
+    """
+    kept: IdTarget | None = session.kept.get("id target")
+    if kept is not None and (kept.width, kept.height) == (width, height):
+        return kept
+    _check_size(session, width, height)
+    if kept is not None:
+        session.kept.pop("id target").delete()
+    gl = session.gl
+    framebuffer, depth, ids = _one(gl.glCreateFramebuffers), _texture(gl), _texture(gl)
+    gl.glTextureStorage2D(depth, 1, gl.GL_DEPTH_COMPONENT32F, width, height)
+    gl.glTextureStorage2D(ids, 1, gl.GL_R32I, width, height)
+    gl.glNamedFramebufferTexture(framebuffer, gl.GL_DEPTH_ATTACHMENT, depth, 0)
+    gl.glNamedFramebufferTexture(framebuffer, gl.GL_COLOR_ATTACHMENT0, ids, 0)
+    _check_complete(session, framebuffer, width, height)
+    made = session.kept["id target"] = IdTarget(session, width, height, framebuffer, depth, ids)
+    return made
+
+
+def _check_size(session: Session, width: int, height: int) -> None:
     largest = session.integer("GL_MAX_TEXTURE_SIZE")
     if max(width, height) > largest:
         raise GraphicsError(
             f"a picture of {width} x {height} pixels is too large for this OpenGL driver, which takes up to "
             f"{largest} a side; {WAY_OUT}"
         )
-    if kept is not None:
-        session.kept.pop("count target").delete()
-    made = session.kept["count target"] = _make(session, width, height, stencil)
-    return made
 
 
-def _make(session: Session, width: int, height: int, stencil: bool) -> CountTarget:
+def _check_complete(session: Session, framebuffer: int, width: int, height: int) -> None:
+    gl = session.gl
+    session.check()
+    if gl.glCheckNamedFramebufferStatus(framebuffer, gl.GL_FRAMEBUFFER) != gl.GL_FRAMEBUFFER_COMPLETE:
+        raise GraphicsError(f"this OpenGL driver cannot draw into a picture of {width} x {height} pixels; {WAY_OUT}")
+
+
+def _count_target(session: Session, width: int, height: int, stencil: bool) -> CountTarget:
     gl = session.gl
     framebuffer = _one(gl.glCreateFramebuffers)
     depth, counter = _texture(gl), 0
@@ -91,12 +162,8 @@ def _make(session: Session, width: int, height: int, stencil: bool) -> CountTarg
         counter = _texture(gl)
         gl.glTextureStorage2D(counter, 1, gl.GL_R32F, width, height)
         gl.glNamedFramebufferTexture(framebuffer, gl.GL_COLOR_ATTACHMENT0, counter, 0)
-    target = CountTarget(session, width, height, stencil, framebuffer, depth, counter)
-    session.check()
-    status = gl.glCheckNamedFramebufferStatus(framebuffer, gl.GL_FRAMEBUFFER)
-    if status != gl.GL_FRAMEBUFFER_COMPLETE:
-        raise GraphicsError(f"this OpenGL driver cannot draw into a picture of {width} x {height} pixels; {WAY_OUT}")
-    return target
+    _check_complete(session, framebuffer, width, height)
+    return CountTarget(session, width, height, stencil, framebuffer, depth, counter)
 
 
 def _one(create: Any) -> int:

@@ -16,7 +16,7 @@ from umbrae.errors import InputError, OptionError
 from umbrae.geometry.normals import facet_normals
 from umbrae.gl.context import Session, session
 from umbrae.gl.program import apply, program
-from umbrae.gl.state import count_faces, write_depth
+from umbrae.gl.state import count_faces, push_back, write_depth
 from umbrae.gl.targets import CountTarget, count_target
 from umbrae.gl.timers import stage
 from umbrae.light import Light
@@ -245,7 +245,7 @@ class VolumeCaster(Caster):
         count: NDArray[np.int32],
         clock: Clock,
     ) -> dict[str, int]:
-        per_pixel = count.shape[2]
+        per_pixel, bits = count.shape[2], current.integer("GL_SUBPIXEL_BITS")
         with clock.span("eye"):
             casting = self.casting(light)
             behind, start = self._counting(light, camera, rounding.world, casting)
@@ -273,6 +273,7 @@ class VolumeCaster(Caster):
                 self.draw_sides(frame, part)
             if len(capped):
                 with stage(current, clock, "caps"):
+                    push_back(current, bits)
                     self._draw_caps(frame, part, capped)
             with clock.span("read"):
                 count[..., sample] = target.read()
