@@ -51,16 +51,25 @@ def project(scene: Scene, camera: Camera) -> Geometry:
     return Geometry(scene.positions, scene.triangles, vertices, np.empty((len(scene.triangles), 4), np.int32))
 
 
-def list_by_band(geometry: Geometry, picture: Picture, band_rows: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+def list_by_band(
+    geometry: Geometry, picture: Picture, band_rows: int, wanted: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """Find the triangles' boxes and list the triangles by the bands they touch, in order of their index.
+
+    Parameters
+    ----------
+    wanted
+        `(t,)` which triangles to list; None for all.
 
     Returns
     -------
     `(bands + 1,)` begins and the `(n,)` triangles: band i has those from `begin[i]` to `begin[i + 1]`.
     """
+    if wanted is None:
+        wanted = np.ones(len(geometry.triangles), bool)
     chunks = _chunks(len(geometry.triangles))
     counts = np.zeros((len(chunks), -(-picture.height // band_rows)), np.int64)
-    run(lambda index: _find_boxes(geometry, picture, band_rows, *chunks[index], counts[index]), len(chunks))
+    run(lambda index: _find_boxes(geometry, picture, band_rows, wanted, *chunks[index], counts[index]), len(chunks))
     begin = np.concatenate([[0], np.cumsum(counts.sum(axis=0))])
     require(4 * int(begin[-1]), f"listing {len(geometry.triangles)} triangles by the rows they touch")
     listed = np.empty(begin[-1], np.int32)
@@ -95,7 +104,8 @@ def corners(geometry: Geometry, t: int) -> tuple[Vertex, Vertex, Vertex]:
 
 
 @inline
-def _has_area(positions: NDArray[np.float32], triangles: NDArray[np.int32], t: int) -> bool:
+def has_area(positions: NDArray[np.float32], triangles: NDArray[np.int32], t: int) -> bool:
+    """Whether the corners of a triangle, in the scene, do not lie on a line."""
     i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
     for axis in range(3):
         y, z = (axis + 1) % 3, (axis + 2) % 3
@@ -108,17 +118,26 @@ def _has_area(positions: NDArray[np.float32], triangles: NDArray[np.int32], t: i
 
 @kernel
 def _find_boxes(
-    geometry: Geometry, picture: Picture, band_rows: int, start: int, stop: int, counts: NDArray[np.int64]
+    geometry: Geometry,
+    picture: Picture,
+    band_rows: int,
+    wanted: NDArray[np.bool_],
+    start: int,
+    stop: int,
+    counts: NDArray[np.int64],
 ) -> None:
     left, right, top, bottom = picture.x.min(), picture.x.max(), picture.y.min(), picture.y.max()
     boxes = geometry.boxes
     for t in range(start, stop):
+        boxes[t, 0], boxes[t, 1] = 0, -1
+        if not wanted[t]:
+            continue
         p, q, r = corners(geometry, t)
         low, high = extent(p, q, r, picture.near, 1)
         first_row, last_row = cells(low, high, top, bottom, picture.height)
         low, high = extent(p, q, r, picture.near, 0)
         first_column, last_column = cells(low, high, left, right, picture.width)
-        if first_column > last_column or not _has_area(geometry.positions, geometry.triangles, t):
+        if first_column > last_column or not has_area(geometry.positions, geometry.triangles, t):
             last_row = first_row - 1
         boxes[t, 0], boxes[t, 1], boxes[t, 2], boxes[t, 3] = first_row, last_row, first_column, last_column
         if first_row <= last_row:

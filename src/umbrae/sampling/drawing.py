@@ -1,0 +1,190 @@
+"""Triangles drawn into a depth buffer, sample by sample, with the signs of exact arithmetic."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae.parallel import expand, inline, kernel
+from umbrae.sampling.bands import Geometry, Picture, corners, has_area
+from umbrae.sampling.coverage import FILTER, Vertex, covers, orientation
+from umbrae.sampling.holes import Surface, seen_through
+
+_WIDE = 8
+"""A row's span is narrowed before its pixels are tested when the triangle's box is wider than this."""
+
+
+class Drawn(NamedTuple):
+    """A triangle on its way into the picture.
+
+    Vertices are in order of their place: coincident triangles of any winding get bitwise equal depths. `s` is the
+    orientation in that order, 0 if nothing is to be seen, `side` the side that is seen. Edge functionals `a x + b y +
+    c` are positive inside; `e0` is opposite to `p`.
+    """
+
+    p: Vertex
+    q: Vertex
+    r: Vertex
+    s: int
+    side: int
+    e0: Vertex
+    e1: Vertex
+    e2: Vertex
+
+
+@expand
+def drawn(p: Vertex, q: Vertex, r: Vertex) -> Drawn:
+    """A triangle by its corners in the picture."""
+    s = orientation(p, q, r)
+    side = -s
+    if q < p:
+        p, q, s = q, p, -s
+    if r < q:
+        q, r, s = r, q, -s
+    if q < p:
+        p, q, s = q, p, -s
+    return Drawn(p, q, r, s, side, _functional(q, r, s), _functional(r, p, s), _functional(p, q, s))
+
+
+@expand
+def _functional(p: Vertex, q: Vertex, s: int) -> Vertex:
+    return s * (p[1] * q[2] - p[2] * q[1]), s * (p[2] * q[0] - p[0] * q[2]), s * (p[0] * q[1] - p[1] * q[0])
+
+
+@expand
+def _distance(p: Vertex, q: Vertex, r: Vertex, e0: float, e1: float, e2: float) -> float:
+    """Along the view direction, by the values of the edge functionals, none of them negative."""
+    w = p[2]
+    if e1 + e2 > 0.0:
+        w += (e1 * (q[2] - p[2]) + e2 * (r[2] - p[2])) / (e0 + e1 + e2)
+    return w
+
+
+@inline
+def _narrow(a: float, rest: float, bound: float, offset: float, first: int, last: int) -> tuple[int, int]:
+    """Drop columns where `a x + rest` is certainly below `-bound`.
+
+    Twice the bound leaves room for the rounding of the numerator, a thousandth of a pixel for that of the
+    quotient (2**-36 for quotients below 2**17; those beyond lie outside of the picture either way).
+    """
+    if a > 0.0:
+        at = (-2.0 * bound - rest) / a - offset - 1e-3
+        if at > first:
+            first = math.ceil(min(at, last + 1.0))
+    elif a < 0.0:
+        at = (-2.0 * bound - rest) / a - offset + 1e-3
+        if at < last:
+            last = math.floor(max(at, first - 1.0))
+    elif rest < -bound:
+        last = first - 1
+    return first, last
+
+
+@kernel
+def draw(
+    geometry: Geometry,
+    ids: NDArray[np.int32],
+    picture: Picture,
+    surface: Surface,
+    top: int,
+    bottom: int,
+    nearest: NDArray[np.float64],
+    triangle: NDArray[np.int32],
+    side: NDArray[np.int8],
+) -> None:
+    """Draw triangles, in order of their index, into the depth buffer of rows `top` to `bottom` (excluded).
+
+    Where one ties with what is there, the lower index wins.
+    """
+    width, height, per_pixel = picture.width, picture.height, len(picture.x)
+    for t in ids:
+        a, b, c = corners(geometry, t)
+        p, q, r, s, seen_side, f0, f1, f2 = drawn(a, b, c)
+        if s == 0:
+            continue
+        most_x = max(abs(p[0]), abs(q[0]), abs(r[0]))
+        most_y = max(abs(p[1]), abs(q[1]), abs(r[1]))
+        most_w = max(abs(p[2]), abs(q[2]), abs(r[2]))
+        bound = FILTER * 2.0 * (most_w * (most_y * width + most_x * height) + most_x * most_y)
+        masked = surface.cutoff[surface.material_id[t]] >= 0.0
+        first_column, last_column = geometry.boxes[t, 2], geometry.boxes[t, 3]
+        wide = last_column - first_column >= _WIDE
+        for row in range(max(top, geometry.boxes[t, 0]), min(bottom - 1, geometry.boxes[t, 1]) + 1):
+            for k in range(per_pixel):
+                y = row + picture.y[k]
+                rest0, rest1, rest2 = f0[1] * y + f0[2], f1[1] * y + f1[2], f2[1] * y + f2[2]
+                first, last = first_column, last_column
+                if wide:
+                    first, last = _narrow(f0[0], rest0, bound, picture.x[k], first, last)
+                    first, last = _narrow(f1[0], rest1, bound, picture.x[k], first, last)
+                    first, last = _narrow(f2[0], rest2, bound, picture.x[k], first, last)
+                for column in range(first, last + 1):
+                    x = column + picture.x[k]
+                    e0, e1, e2 = f0[0] * x + rest0, f1[0] * x + rest1, f2[0] * x + rest2
+                    least = min(e0, e1, e2)
+                    if least < -bound:
+                        continue
+                    if not least > bound:
+                        if not covers(p, q, r, s, (x, y, 1.0)):
+                            continue
+                        e0, e1, e2 = max(e0, 0.0), max(e1, 0.0), max(e2, 0.0)
+                    w = _distance(p, q, r, e0, e1, e2)
+                    at = ((row - top) * width + column) * per_pixel + k
+                    if w <= nearest[at] and w >= picture.near:
+                        if w == nearest[at] and triangle[at] < t:
+                            continue
+                        if masked and seen_through(geometry, surface, t, x, y):
+                            continue
+                        nearest[at] = w
+                        triangle[at] = t
+                        side[at] = seen_side
+
+
+@kernel
+def place(
+    geometry: Geometry,
+    picture: Picture,
+    top: int,
+    bottom: int,
+    tolerance: float,
+    nearest: NDArray[np.float64],
+    triangle: NDArray[np.int32],
+    side: NDArray[np.int8],
+    refused: NDArray[np.bool_],
+) -> None:
+    """Find distance and side for triangles that were chosen elsewhere, by the arithmetic of `draw`.
+
+    A sample that a triangle does not hold exactly gets the distance at the edge beside it. Triangles that should not
+    have been chosen are marked in `refused (t,)`: those without area, seen edge-on, before the near plane, or farther
+    than `tolerance` in pixels from the sample.
+    """
+    at = 0
+    for row in range(top, bottom):
+        for column in range(picture.width):
+            for k in range(len(picture.x)):
+                nearest[at], side[at] = np.inf, 0
+                t = triangle[at]
+                if t >= 0:
+                    a, b, c = corners(geometry, t)
+                    p, q, r, s, seen_side, f0, f1, f2 = drawn(a, b, c)
+                    x, y = column + picture.x[k], row + picture.y[k]
+                    e0, e1, e2 = _value(f0, x, y), _value(f1, x, y), _value(f2, x, y)
+                    w = _distance(p, q, r, max(e0, 0.0), max(e1, 0.0), max(e2, 0.0))
+                    beside = _beside(f0, e0, tolerance) or _beside(f1, e1, tolerance) or _beside(f2, e2, tolerance)
+                    if s == 0 or beside or w < picture.near or not has_area(geometry.positions, geometry.triangles, t):
+                        refused[t] = True
+                    nearest[at], side[at] = w, seen_side
+                at += 1
+
+
+@inline
+def _value(functional: Vertex, x: float, y: float) -> float:
+    """Of an edge functional at a sample."""
+    return functional[0] * x + (functional[1] * y + functional[2])
+
+
+@inline
+def _beside(functional: Vertex, value: float, tolerance: float) -> bool:
+    """Whether a sample lies farther outside of an edge than `tolerance` in pixels."""
+    return value < -tolerance * math.hypot(functional[0], functional[1])

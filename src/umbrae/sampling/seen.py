@@ -1,0 +1,118 @@
+"""What is seen: checked questions, the arrays that answer them, and the points on the triangles that won."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae.camera import Camera, pixel_offsets
+from umbrae.checks import instance
+from umbrae.errors import OptionError
+from umbrae.memory import require
+from umbrae.parallel import kernel
+from umbrae.samples import ViewSamples
+from umbrae.sampling.bands import Geometry, Picture, corners
+from umbrae.sampling.coverage import weights
+from umbrae.scene import Scene
+
+_BAND_ROWS = 16
+_BAND_SAMPLES = 1 << 18
+"""A band's depth buffer has at most about this many samples (2 MiB)."""
+_QUANTA = float(1 << 24)
+"""Barycentrics are multiples of 2**-24: float32 holds them, their sum and their complement exactly."""
+_BYTES_PER_SAMPLE = 4 + 2 * 4 + 1 + 3 * 4 + 1 + 4
+
+
+def picture_of(scene: Scene, camera: Camera, samples_per_pixel: int) -> Picture:
+    """Where samples lie, once the arguments are known to be good and the result to fit into memory."""
+    instance(scene, Scene, "scene")
+    instance(camera, Camera, "camera")
+    if not isinstance(samples_per_pixel, (int, np.integer)) or samples_per_pixel < 1:
+        raise OptionError(f"samples_per_pixel: wanted a whole number from 1, got {samples_per_pixel!r}")
+    per_pixel, width, height = int(samples_per_pixel), camera.width, camera.height
+    require(
+        width * height * per_pixel * _BYTES_PER_SAMPLE + len(scene.positions) * 24 + len(scene.triangles) * 16,
+        f"a picture of {width} x {height} pixels with {per_pixel} samples each",
+    )
+    return Picture(width, height, camera.near, *pixel_offsets(per_pixel))
+
+
+class Seen(NamedTuple):
+    """One entry per sample, row by row from the top of the picture; not initialized."""
+
+    triangle: NDArray[np.int32]
+    side: NDArray[np.int8]
+    barycentric: NDArray[np.float32]
+    position: NDArray[np.float32]
+    depth: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, picture: Picture) -> "Seen":
+        """Room for a whole picture."""
+        total = picture.width * picture.height * len(picture.x)
+        return cls(
+            np.empty(total, np.int32),
+            np.empty(total, np.int8),
+            np.empty((total, 2), np.float32),
+            np.empty((total, 3), np.float32),
+            np.empty(total, np.float32),
+        )
+
+    def rows(self, picture: Picture, top: int, bottom: int) -> "Seen":
+        """Rows `top` to `bottom` (excluded)."""
+        row = picture.width * len(picture.x)
+        part = slice(top * row, bottom * row)
+        return Seen(self.triangle[part], self.side[part], self.barycentric[part], self.position[part], self.depth[part])
+
+    def samples(self, camera: Camera) -> ViewSamples:
+        """The picture that the camera sees."""
+        per_pixel = len(self.triangle) // (camera.width * camera.height)
+        shape = (camera.height, camera.width) if per_pixel == 1 else (camera.height, camera.width, per_pixel)
+        return ViewSamples(
+            triangle=self.triangle.reshape(shape),
+            barycentric=self.barycentric.reshape(*shape, 2),
+            side=self.side.reshape(shape),
+            position=self.position.reshape(*shape, 3),
+            covered=(self.triangle >= 0).reshape(shape),
+            depth=self.depth.reshape(shape),
+            camera=camera,
+        )
+
+
+def rows_per_band(picture: Picture) -> int:
+    """How many rows make a task."""
+    return max(1, min(_BAND_ROWS, _BAND_SAMPLES // (picture.width * len(picture.x))))
+
+
+@kernel
+def resolve(
+    geometry: Geometry,
+    picture: Picture,
+    top: int,
+    bottom: int,
+    triangle: NDArray[np.int32],
+    barycentric: NDArray[np.float32],
+    position: NDArray[np.float32],
+) -> None:
+    """Turn the triangles that won in a band into points on them; zeros for background."""
+    positions, triangles = geometry.positions, geometry.triangles
+    at = 0
+    for row in range(top, bottom):
+        for column in range(picture.width):
+            for k in range(len(picture.x)):
+                u, v = 0.0, 0.0
+                t = triangle[at]
+                if t >= 0:
+                    a, b, c = corners(geometry, t)
+                    u, v = weights(a, b, c, column + picture.x[k], row + picture.y[k])
+                    u = np.rint(u * _QUANTA) / _QUANTA
+                    v = min(np.rint(v * _QUANTA) / _QUANTA, 1.0 - u)
+                    for axis in range(3):
+                        from_a = np.float64(positions[triangles[t, 0], axis])
+                        to_b = positions[triangles[t, 1], axis] - from_a
+                        to_c = positions[triangles[t, 2], axis] - from_a
+                        position[at, axis] = from_a + u * to_b + v * to_c
+                else:
+                    position[at, 0], position[at, 1], position[at, 2] = 0.0, 0.0, 0.0
+                barycentric[at, 0], barycentric[at, 1] = u, v
+                at += 1
