@@ -17,7 +17,7 @@ def unit_scale(scene: Scene) -> float:
 
     Shaders compute in float32, whose range products of world coordinates would leave.
     """
-    largest = float(np.abs(scene.positions[scene.triangles]).max(initial=0.0))
+    largest = float(np.abs(scene.bounds).max())
     return 2.0 ** -math.frexp(largest)[1] if largest > 0 else 1.0
 
 
