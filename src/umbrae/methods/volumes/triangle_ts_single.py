@@ -20,7 +20,8 @@ class TriangleTsSingle(VolumeMethod):
 
     Deviations from the paper: outer levels (1, 9, 1, 9) and inner (9, 1) instead of 5, so that the volume does not
     depend on the diagonal along which the tessellator splits a quad, which OpenGL leaves open. The light cap is
-    pushed out of the way only where it is the sample's own triangle. It is drawn for z-pass as well.
+    pushed out of the way only where it is the sample's own triangle, and back by rounding elsewhere. It is drawn for
+    z-pass as well.
     """
 
     name: ClassVar[str] = "triangle-ts-single"
@@ -45,7 +46,8 @@ class TriangleTsSingleCaster(VolumeCaster):
         self._quads = self.buffer(np.column_stack([triangles, numbers]))
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
-        constants = {**frame.constants, **({"BEHIND": 1} if frame.behind else {})}
+        step = 2.0 ** -self.session.integer("GL_SUBPIXEL_BITS")
+        constants = {**frame.constants, "PUSH_BACK": f"{step:.10f}"}
         drawn = program(self.session, HERE / "triangle_ts_single.glsl", constants)
         self.prepare_program(drawn, frame)
         self.bind_own_caps(drawn, samples, self.cap_of)

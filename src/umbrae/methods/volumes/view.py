@@ -34,10 +34,10 @@ def view_uniforms(camera: Camera, light: Light, scale: float, sample: int, per_p
 def far_plane(scene: Scene, camera: Camera, light: Light, scale: float) -> tuple[float, float, float, float]:
     """A plane behind the scene and the eye where volumes may end, `n . p = w` in units of 1 / `scale`.
 
-    No view ray meets a sample beyond it: nothing before a sample is lost, and what lies behind one stays closed, with the
-    dark caps in the plane. Sides need not cover the picture as far as infinity. It is perpendicular to an axis, and all light must travel towards it, so that every vertex has its own point on it
-    and an edge's two points have all between them beyond the scene as well. Zeros when there is none: a light amid the
-    scene.
+    No view ray meets a sample beyond it: nothing before a sample is lost, and what lies behind one stays closed, with
+    the dark caps in the plane. Sides need not cover the picture as far as infinity. It is perpendicular to an axis, and
+    all light must travel towards it, so that every vertex has its own point on it and an edge's two points have all
+    between them beyond the scene as well. Zeros when there is none: a light amid the scene.
     """
     low, high = scene.bounds.astype(np.float64)
     corners = np.array([low, high])
