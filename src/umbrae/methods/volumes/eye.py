@@ -116,6 +116,27 @@ def contour_vertices(
     return marked
 
 
+def crossed_caps(
+    positions: NDArray[np.float32],
+    triangles: NDArray[np.int32],
+    wanted: NDArray[np.bool_],
+    at_contour: NDArray[np.bool_],
+    world_to_clip: NDArray[np.float64],
+    near: float,
+    slack: float,
+) -> NDArray[np.bool_]:
+    """`(t,)` the triangles whose caps a view ray may cross.
+
+    Those that are `wanted (t,)` anyway, touch a vertex `at_contour (v,)`, or reach before the `near` plane; unless they
+    lie outside of the picture, by more than `slack` as a share of it.
+    """
+    crossed = np.zeros(len(triangles), bool)
+    chunks = _chunks(len(triangles))
+    arrays = positions, triangles, wanted, at_contour, world_to_clip
+    run(lambda i: _crossed(*arrays, near, slack, *chunks[i], crossed), len(chunks))
+    return crossed
+
+
 def _chunks(count: int) -> list[tuple[int, int]]:
     return [(start, min(start + _CHUNK, count)) for start in range(0, count, _CHUNK)]
 
@@ -146,3 +167,25 @@ def _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, start, stop, m
         if total != 0 or open_case:
             marked[edge_vertices[edge, 0]] = True
             marked[edge_vertices[edge, 1]] = True
+
+
+@kernel
+def _crossed(positions, triangles, wanted, at_contour, world_to_clip, near, slack, start, stop, crossed):
+    for t in range(start, stop):
+        chosen = wanted[t]
+        left, right, below, above, behind = True, True, True, True, True
+        for k in range(3):
+            v = triangles[t, k]
+            px, py, pz = np.float64(positions[v, 0]), np.float64(positions[v, 1]), np.float64(positions[v, 2])
+            m = world_to_clip
+            x = m[0, 0] * px + m[0, 1] * py + m[0, 2] * pz + m[0, 3]
+            y = m[1, 0] * px + m[1, 1] * py + m[1, 2] * pz + m[1, 3]
+            w = m[2, 0] * px + m[2, 1] * py + m[2, 2] * pz + m[2, 3]
+            chosen = chosen or at_contour[v] or w < near
+            room = slack * (abs(x) + abs(y) + abs(w))
+            left = left and x + w < -room
+            right = right and w - x < -room
+            below = below and y + w < -room
+            above = above and w - y < -room
+            behind = behind and w < -room
+        crossed[t] = chosen and not (left or right or below or above or behind)

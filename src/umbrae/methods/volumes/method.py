@@ -23,7 +23,7 @@ from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.memory import require
 from umbrae.methods.method import Caster, Method
-from umbrae.methods.volumes.eye import contour_vertices, count_at_eye
+from umbrae.methods.volumes.eye import contour_vertices, count_at_eye, crossed_caps
 from umbrae.methods.volumes.mesh import volume_mesh
 from umbrae.methods.volumes.view import Rounding, far_plane, view_uniforms
 from umbrae.projection import Uniforms
@@ -308,14 +308,18 @@ class VolumeCaster(Caster):
         if behind:
             all_of_them = np.arange(len(mesh.triangles), dtype=np.int32)
             return all_of_them if casting is None else all_of_them[casting]
-        depth = (mesh.positions / mesh.scale - camera.eye) @ camera.axes[2]
         at_contour = contour_vertices(
             mesh.positions, mesh.triangles, topology.offsets, topology.triangle, mesh.sign, topology.vertices,
             camera.eye * mesh.scale,
         )  # fmt: skip
-        marked = at_contour | (depth < camera.near * 1.001)
-        capped = self._see_through | marked[mesh.triangles].any(axis=1)
-        return np.flatnonzero(capped if casting is None else capped & casting).astype(np.int32)
+        world_to_clip = camera.world_to_clip
+        world_to_clip[:, 3] *= mesh.scale
+        # Room for rounding at the near plane, and two pixels for samples off a pixel's centre.
+        near, slack = 1.001 * camera.near * mesh.scale, 1e-3 + 2.0 / min(camera.width, camera.height)
+        crossed = crossed_caps(
+            mesh.positions, mesh.triangles, self._see_through, at_contour, world_to_clip, near, slack
+        )
+        return np.flatnonzero(crossed if casting is None else crossed & casting).astype(np.int32)
 
     def _draw_depth(self, target: CountTarget, frame: Frame, samples: ViewSamples, start: int) -> None:
         target.clear(start % _STENCIL_LEVELS if target.stencil else start)
