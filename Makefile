@@ -32,9 +32,8 @@ opengl: .venv/.installed-dev
 	elif [ "$$(id -u)" -ne 0 ]; \
 	then echo 'OpenGL 4.5 is missing; run: sudo apt-get install $(GL_PACKAGES)' >&2; \
 	else export DEBIAN_FRONTEND=noninteractive; \
-	    { apt-get -q update || { sleep 5; apt-get -q update; }; } && \
-	    apt-get -q install -y --no-install-recommends $(GL_PACKAGES) || \
-	    echo 'OpenGL 4.5 is missing, and could not be installed: $(GL_PACKAGES)' >&2; \
+	    get() { apt-get -q update && apt-get -q install -y --no-install-recommends $(GL_PACKAGES); }; \
+	    get || { sleep 5; get; } || echo 'OpenGL 4.5 is missing, and could not be installed: $(GL_PACKAGES)' >&2; \
 	fi
 
 clean:
