@@ -57,8 +57,8 @@ def count_faces(
 def push_back(session: Session, subpixel_bits: int) -> None:
     """Draw faces, until the next pass, as far behind their place as rounding may have brought them before it.
 
-    A vertex is moved by at most half a step of the subpixel grid in x and in y, so depth by a step's share of the steeper
-    of the two slopes; and depth itself is rounded: 8 steps of float32.
+    A vertex is moved by at most half a step of the subpixel grid in x and in y, so depth by a step's share of the
+    steeper of the two slopes; and depth itself is rounded: 8 steps of float32.
     """
     gl = session.gl
     gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)
