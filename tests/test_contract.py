@@ -41,14 +41,6 @@ CASES = [(name, kind) for name, soup in SOUPS.items() for kind in lights_of(soup
 PICTURES_ONLY = {name for name, method in METHODS.items() if "points" not in method.accepts}
 
 
-@pytest.fixture(autouse=True)
-def _engine(request):
-    """A method on OpenGL needs a context: without one the test fails, or says why it is skipped."""
-    method = request.node.callspec.params.get("method") if hasattr(request.node, "callspec") else None
-    if method and METHODS[method].engine == "OpenGL":
-        request.getfixturevalue("opengl")
-
-
 def image_samples(scene: Scene, soup: Soup) -> ViewSamples:
     """A small picture of the soup."""
     return sample(scene, Camera.look_at(soup.eye, soup.target, fov_y=60, width=40, height=28))

@@ -18,7 +18,8 @@ from umbrae.geometry.edges import edges, weld
 from umbrae.geometry.volume_faces import facing_of_all, multiplicity
 from umbrae.memory import require
 from umbrae.methods import METHODS, Method
-from umbrae.methods.volumes.method import VolumeCaster, VolumeMethod
+from umbrae.methods.volumes.caster import VolumeCaster
+from umbrae.methods.volumes.method import VolumeMethod
 from umbrae.shade import shade
 
 _BYTES_PER_SAMPLE = 90

@@ -8,7 +8,8 @@ import numpy as np
 
 from umbrae.clock import Clock
 from umbrae.gl.program import apply, program
-from umbrae.methods.volumes.method import HERE, Frame, SilhouetteCaster, SilhouetteMethod
+from umbrae.methods.volumes.caster import HERE, Frame, SilhouetteCaster
+from umbrae.methods.volumes.method import SilhouetteMethod
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 

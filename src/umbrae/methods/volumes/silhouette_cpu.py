@@ -8,7 +8,8 @@ import numpy as np
 from umbrae.clock import Clock
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.gl.program import program
-from umbrae.methods.volumes.method import HERE, Frame, SilhouetteCaster, SilhouetteMethod
+from umbrae.methods.volumes.caster import HERE, Frame, SilhouetteCaster
+from umbrae.methods.volumes.method import SilhouetteMethod
 from umbrae.parallel import inline, kernel, run
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
