@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -123,15 +124,15 @@ class Scene:
 
         return scene_from_trimesh(mesh)
 
-    @property
+    @cached_property
     def bounds(self) -> NDArray[np.float32]:
         """`(2, 3)` lower and upper corner of the vertices that triangles use; zeros for an empty scene."""
         if len(self.triangles) == 0:
-            return np.zeros((2, 3), np.float32)
+            return _frozen(np.zeros((2, 3), np.float32))
         used = np.zeros(len(self.positions), bool)
         used[self.triangles.reshape(-1)] = True
         points = self.positions[used]
-        return np.stack([points.min(axis=0), points.max(axis=0)])
+        return _frozen(np.stack([points.min(axis=0), points.max(axis=0)]))
 
     def local(self, world: ArrayLike) -> NDArray[np.float64]:
         """World coordinates `(..., 3)` in the scene's own coordinates: minus `origin`, in float64."""

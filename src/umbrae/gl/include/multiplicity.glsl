@@ -13,9 +13,12 @@ int opposite_side(vec3 a, vec3 b, vec3 o) {
 // Decided once for the triangle, with its vertices in order, whichever edge asks (Algorithms 3 and 4). The boundary
 // of the ordered triangle runs along its edges upwards, but for the one from its first vertex to its last.
 int contribution(int a_id, int b_id, int o_id, vec3 a, vec3 b, vec3 o) {
-    if (o_id < a_id) return facing(o, a, b);
-    if (o_id < b_id) return -facing(a, o, b);
-    return facing(a, b, o);
+    // Put in order before the one call: drivers without jumps pay for every call they see.
+    vec3 p = a, q = b, r = o;
+    int sign_of_edge = 1;
+    if (o_id < a_id) { p = o; q = a; r = b; }
+    else if (o_id < b_id) { q = o; r = b; sign_of_edge = -1; }
+    return sign_of_edge * facing(p, q, r);
 }
 #elif DETERMINISM == THREE_EDGE
 // Asked at all three edges; a triangle whose answers differ is dropped (Peciva et al. 2013).

@@ -73,6 +73,8 @@ class VolumeCaster(Caster):
             self.mesh = volume_mesh(scene)
         materials = np.array([material.alpha_mode != "OPAQUE" for material in scene.materials])
         self._see_through = materials[scene.material_id][self.mesh.source]
+        # The last entry, -1, is background's, whose triangle is -1 as well.
+        self._own_cap = np.append(self.mesh.cap_of, np.int32(-1))
         self._normals = facet_normals(scene.positions, scene.triangles)
         with self.session.current():
             self.vertices = self.buffer(self.mesh.positions)
@@ -298,8 +300,7 @@ class VolumeCaster(Caster):
 
     def bind_own_caps(self, drawn: Any, samples: ViewSamples, caps: Any) -> None:
         """Give a program that includes `own.glsl` the samples' own caps, and the caps of its primitives."""
-        own = np.where(samples.triangle >= 0, self.mesh.cap_of[samples.triangle], np.int32(-1))
-        self._texture("own_cap", own).use(0)
+        self._texture("own_cap", self._own_cap[samples.triangle]).use(0)
         drawn["own_cap"].value = 0
         caps.bind_to_storage_buffer(0)
 

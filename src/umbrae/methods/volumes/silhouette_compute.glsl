@@ -1,29 +1,49 @@
-// Silhouettes found by a compute shader, which lists them for an indirect draw of `quads.glsl`.
+// Silhouettes found by compute shaders: the side of every triangle first, then of every edge what those add up to. The
+// second pass lists the edges that count for an indirect draw of `quads.glsl`.
 
 #include "multiplicity.glsl"
 
 #ifdef COMPUTE_SHADER
 layout(local_size_x = 64) in;
 layout(std430, binding = 0) readonly buffer Positions { float positions[]; };
-layout(std430, binding = 1) readonly buffer Edges { int edges[]; };  // lower and higher vertex
-layout(std430, binding = 2) readonly buffer Offsets { int offsets[]; };  // of each edge into the opposite vertices
-layout(std430, binding = 3) readonly buffer Opposite { int opposite[]; };
-layout(std430, binding = 4) writeonly buffer Entries { float entries[]; };  // a, b, multiplicity
-layout(std430, binding = 5) buffer Command { uint vertex_count, instance_count, first_vertex, first_instance; };
-uniform int edge_count;
+uniform int count;  // of triangles or edges
 
 vec3 vertex_position(int id) {
     return vec3(positions[3 * id], positions[3 * id + 1], positions[3 * id + 2]);
 }
 
+#ifdef SIDES_OF_TRIANGLES
+layout(std430, binding = 1) readonly buffer Triangles { int triangles[]; };  // corners in ascending order
+layout(std430, binding = 2) writeonly buffer Sides { int sides[]; };
+
+void main() {
+    int t = int(gl_GlobalInvocationID.x);
+    if (t >= count) return;
+    vec3 a = vertex_position(triangles[3 * t]), b = vertex_position(triangles[3 * t + 1]);
+    sides[t] = contribution(0, 1, 2, a, b, vertex_position(triangles[3 * t + 2]));
+}
+#else
+layout(std430, binding = 1) readonly buffer Edges { int edges[]; };  // lower and higher vertex
+layout(std430, binding = 2) readonly buffer Sides { int sides[]; };
+layout(std430, binding = 3) readonly buffer Offsets { int offsets[]; };  // of each edge into what is adjacent
+// Triangles from 1, negative where their boundary runs down the edge; opposite vertices where each edge decides anew.
+layout(std430, binding = 4) readonly buffer Adjacent { int adjacent[]; };
+layout(std430, binding = 5) writeonly buffer Entries { float entries[]; };  // a, b, multiplicity
+layout(std430, binding = 6) buffer Command { uint vertex_count, instance_count, first_vertex, first_instance; };
+
 void main() {
     int edge = int(gl_GlobalInvocationID.x);
-    if (edge >= edge_count) return;
+    if (edge >= count) return;
     int a_id = edges[2 * edge], b_id = edges[2 * edge + 1];
     vec3 a = vertex_position(a_id), b = vertex_position(b_id);
     int m = 0;
-    for (int i = offsets[edge]; i < offsets[edge + 1]; i++)
-        m += contribution(a_id, b_id, opposite[i], a, b, vertex_position(opposite[i]));
+    for (int i = offsets[edge]; i < offsets[edge + 1]; i++) {
+#if DETERMINISM == NONE
+        m += contribution(a_id, b_id, adjacent[i], a, b, vertex_position(adjacent[i]));
+#else
+        m += sign(adjacent[i]) * sides[abs(adjacent[i]) - 1];
+#endif
+    }
     if (m == 0) return;
 #ifdef FLOAT_COUNTER
     int times = 1;
@@ -42,4 +62,5 @@ void main() {
         entries[7 * entry + 6] = intBitsToFloat(m);
     }
 }
+#endif
 #endif

@@ -32,36 +32,44 @@ class SilhouetteCompute(SilhouetteMethod):
 
 
 class SilhouetteComputeCaster(SilhouetteCaster):
-    """Edges and their opposite vertices as the shader reads them, and room for all sides there may be."""
+    """Edges and what is adjacent to them as the shaders read them, and room for all sides there may be."""
+
+    @property
+    def cap_constants(self) -> dict[str, int | str]:
+        return {**super().cap_constants, "FACING_FROM_BUFFER": 1}
 
     def upload(self, clock: Clock) -> None:
-        topology = self.mesh.edges
+        mesh, topology = self.mesh, self.mesh.edges
+        context = self.session.moderngl
+        by_edge = self.method.determinism == "none"
+        adjacent = mesh.opposite if by_edge else (topology.triangle + 1) * mesh.sign.astype(np.int32)
         self._edge_count = len(topology.vertices)
-        self._inputs = [
-            self.vertices,
-            self.buffer(topology.vertices),
-            self.buffer(topology.offsets.astype(np.int32)),
-            self.buffer(self.mesh.opposite),
-        ]
+        self._edges = self.buffer(topology.vertices)
+        self._offsets, self._adjacent = self.buffer(topology.offsets.astype(np.int32)), self.buffer(adjacent)
+        self._sides = context.buffer(reserve=4 * len(mesh.triangles))
         # A side for every edge; a counter that counts by ones may take one for every adjacency.
-        room = len(self.mesh.opposite) if self.stencil else self._edge_count
-        self._entries: Any = self.session.moderngl.buffer(reserve=max(1, room) * _ENTRY_BYTES)
-        self._command: Any = self.session.moderngl.buffer(reserve=16)
+        room = len(mesh.opposite) if self.stencil else self._edge_count
+        self._entries: Any = context.buffer(reserve=room * _ENTRY_BYTES)
+        self._command: Any = context.buffer(reserve=16)
 
     def extract(self, frame: Frame, clock: Clock) -> dict[str, int]:
-        shader = program(
-            self.session,
-            HERE / "silhouette_compute.glsl",
-            {**self.multiplicity_constants, **({} if frame.stencil else {"FLOAT_COUNTER": 1})},
-        )
-        apply(shader, frame.uniforms)
-        shader["edge_count"].value = self._edge_count
         self._command.write(struct.pack("4I", 4, 0, 0, 0))
-        for binding, buffer in enumerate([*self._inputs, self._entries, self._command]):
-            buffer.bind_to_storage_buffer(binding)
-        shader.run(-(-self._edge_count // _GROUP))
-        self.session.moderngl.memory_barrier()
+        inputs = [self.vertices, self.triangle_index, self._sides]
+        self._dispatch({"SIDES_OF_TRIANGLES": 1}, frame, len(self.mesh.triangles), inputs)
+        inputs = [self.vertices, self._edges, self._sides, self._offsets, self._adjacent, self._entries, self._command]
+        self._dispatch({} if frame.stencil else {"FLOAT_COUNTER": 1}, frame, self._edge_count, inputs)
         return {}
+
+    def _dispatch(self, constants: dict[str, int | str], frame: Frame, count: int, buffers: list[Any]) -> None:
+        """Run one of the two passes, and let the next one see what it wrote."""
+        path = HERE / "silhouette_compute.glsl"
+        shader = program(self.session, path, {**self.multiplicity_constants, **constants})
+        apply(shader, frame.uniforms)
+        shader["count"].value = count
+        for binding, buffer in enumerate(buffers):
+            buffer.bind_to_storage_buffer(binding)
+        shader.run(-(-count // _GROUP))
+        self.session.moderngl.memory_barrier()
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
         drawn = program(self.session, HERE / "quads.glsl", frame.constants)
@@ -69,3 +77,7 @@ class SilhouetteComputeCaster(SilhouetteCaster):
         context = self.session.moderngl
         array = context.vertex_array(drawn, [(self._entries, "3f 3f 1i/i", "a", "b", "multiplicity")])
         array.render_indirect(self._command, context.TRIANGLE_STRIP, 1)
+
+    def prepare_program(self, drawn: Any, frame: Frame) -> None:
+        super().prepare_program(drawn, frame)
+        self._sides.bind_to_storage_buffer(1)
