@@ -87,6 +87,17 @@ def edges(triangles: NDArray[np.int32]) -> Edges:
     )
 
 
+def first_equal(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
+    """`(t,)` the lowest index of a triangle with the same corners; `triangles (t, 3)` welded, corners ascending."""
+    order = np.lexsort((triangles[:, 2], triangles[:, 1], triangles[:, 0]))
+    in_order = triangles[order]
+    new = np.ones(len(order), bool)
+    new[1:] = (in_order[1:] != in_order[:-1]).any(axis=1)
+    first = np.empty(len(order), np.int32)
+    first[order] = order[new][np.cumsum(new) - 1] if len(order) else 0
+    return first
+
+
 def zero_area(positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
     """Whether each of `triangles (t, 3)` has exactly no area: `(t,)`, decided without rounding.
 

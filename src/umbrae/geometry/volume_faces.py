@@ -42,7 +42,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.geometry import predicates
-from umbrae.geometry.edges import Edges, edges, weld
+from umbrae.geometry.edges import Edges, edges, first_equal, weld
 from umbrae.geometry.expansion import rounded_sum
 from umbrae.geometry.morton import morton3
 from umbrae.geometry.vectors import cross, dot, row, scale, subtract
@@ -144,7 +144,7 @@ def face_distance(
         `(n, 3) float64` world units.
     own
         `(n,) int32` the triangle each point lies on, whose cap is left out for it: that distance is always zero
-        and says nothing. -1, or None for all, leaves nothing out.
+        and says nothing; those of equal triangles as well. -1, or None for all, leaves nothing out.
     inner
         Whether sides between neighbouring triangles are faces as well.
 
@@ -156,7 +156,11 @@ def face_distance(
     if len(points) == 0:
         return distance
     faces = volume_faces(positions, triangles, light, inner)
-    mine = np.full(len(points), -1, np.int32) if own is None else own
+    # Equal triangles are one surface: the caps of all of them are left out, under the number of the first.
+    surface = np.append(first_equal(np.sort(weld(positions)[triangles], axis=1)), np.int32(-1))
+    caps = faces.cap != _NO_CAP
+    faces.cap[caps] = surface[faces.cap[caps]]
+    mine = surface[np.full(len(points), -1, np.int32) if own is None else own]
     order = np.argsort(morton3(points), kind="stable")
     sorted_points, sorted_own, sorted_distance = points[order], mine[order], np.full(len(points), np.inf)
 

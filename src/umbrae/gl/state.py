@@ -55,14 +55,14 @@ def count_faces(
 
 
 def push_back(session: Session, subpixel_bits: int) -> None:
-    """Draw faces, until the next pass, as far behind their place as rounding may have brought them before it.
+    """Draw faces, until the next pass, as far behind their place as vertex snapping may have brought them before it.
 
     A vertex is moved by at most half a step of the subpixel grid in x and in y, so depth by a step's share of the
-    steeper of the two slopes; and depth itself is rounded: 8 steps of float32.
+    steeper of the two slopes. (Units of depth would be as large as those of the face's nearest point.)
     """
     gl = session.gl
     gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)
-    gl.glPolygonOffset(-(2.0**-subpixel_bits), -8.0)
+    gl.glPolygonOffset(-(2.0**-subpixel_bits), 0.0)
 
 
 def _use(session: Session, target: CountTarget | IdTarget) -> None:

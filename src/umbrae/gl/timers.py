@@ -15,14 +15,16 @@ def stage(session: Session, clock: Clock, name: str) -> Iterator[None]:
     gl = session.gl
     query = np.zeros(1, np.uint32)
     gl.glGenQueries(1, query)
-    with clock.span(name):
-        gl.glBeginQuery(gl.GL_TIME_ELAPSED, query[0])
-        try:
-            yield
-        finally:
-            gl.glEndQuery(gl.GL_TIME_ELAPSED)
-            gl.glFinish()
-    nanoseconds = gl.GLuint64(0)
-    gl.glGetQueryObjectui64v(int(query[0]), gl.GL_QUERY_RESULT, nanoseconds)
-    gl.glDeleteQueries(1, query)
-    clock.record(f"gpu {name}", nanoseconds.value * 1e-9)
+    try:
+        with clock.span(name):
+            try:
+                gl.glBeginQuery(gl.GL_TIME_ELAPSED, query[0])
+                yield
+            finally:
+                gl.glEndQuery(gl.GL_TIME_ELAPSED)
+                gl.glFinish()
+        nanoseconds = gl.GLuint64(0)
+        gl.glGetQueryObjectui64v(int(query[0]), gl.GL_QUERY_RESULT, nanoseconds)
+        clock.record(f"gpu {name}", nanoseconds.value * 1e-9)
+    finally:
+        gl.glDeleteQueries(1, query)

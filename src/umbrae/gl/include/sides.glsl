@@ -10,8 +10,8 @@ void emit_corner(vec4 position, int side) {
 }
 
 // The side over the edge from a to b, where a comes before b: its front is outside where the volume's boundary runs from
-// a to b (`side` > 0). Always the same vertices in the same order, so that opposite sides cancel to the last bit; without
-// a counter that takes signs, transposed, which keeps the diagonal.
+// a to b (`side` > 0). Always the same vertices in the same order, so that opposite sides cancel to the last bit. Without
+// a counter that takes signs, transposed: that keeps the diagonal, but depths may differ in the last bits.
 void emit_side(vec3 a, vec3 b, int side) {
     vec4 near_a = project_point(a), near_b = project_point(b), far_a = project_shadow(a), far_b = project_shadow(b);
 #ifdef FLOAT_COUNTER

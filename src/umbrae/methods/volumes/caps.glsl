@@ -39,6 +39,13 @@ void emit_triangle(vec4 a, vec4 b, vec4 c, int side, int of) {
     EndPrimitive();
 }
 
+// Behind its place by what the rounding of depths may have brought it before that, 2^-20 of the distance.
+vec4 project_cap(vec3 point) {
+    vec4 clip = project_point(point);
+    clip.z *= 1.0 - 9.5e-7;
+    return clip;
+}
+
 void main() {
 #ifdef FACING_FROM_BUFFER
     int side = facing_of_cap[cap_of_primitive[gl_PrimitiveIDIn]];
@@ -46,7 +53,7 @@ void main() {
     int side = contribution(0, 1, 2, corner[0], corner[1], corner[2]);
 #endif
     if (side == 0) return;
-    emit_triangle(project_point(corner[0]), project_point(corner[1]), project_point(corner[2]), side, gl_PrimitiveIDIn);
+    emit_triangle(project_cap(corner[0]), project_cap(corner[1]), project_cap(corner[2]), side, gl_PrimitiveIDIn);
 #ifdef DARK_CAPS
     if (light.w != 0.0 || far_plane.xyz != vec3(0.0))  // else it is a point
         emit_triangle(project_shadow(corner[0]), project_shadow(corner[1]), project_shadow(corner[2]), -side, -1);

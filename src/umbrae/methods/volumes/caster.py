@@ -1,5 +1,6 @@
 """The passes of a frame, which all shadow volume methods share, and the band."""
 
+import dataclasses
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -34,6 +35,8 @@ HERE = Path(__file__).parent
 CONSTANTS = {"REFERENCE_EDGE": 0, "THREE_EDGE": 1, "NONE": 2}
 """What shaders call the values of `DETERMINISM`, in the same order."""
 _BYTES_PER_SAMPLE = 24
+_ASIDE = ((0.53, 0.61, 0.59), (-0.67, 0.41, 0.62), (0.44, -0.72, 0.54), (0.71, 0.49, -0.50), (-0.38, -0.57, 0.73))
+"""Directions of no particular meaning."""
 _STENCIL_LEVELS = 256
 
 
@@ -63,7 +66,10 @@ class VolumeCaster(Caster):
     draws_all_caps: ClassVar[bool] = False
     """Whether light and dark caps come with the sides."""
     inner_faces: ClassVar[bool] = False
-    """Whether opposite sides of neighbours may fail to cancel in the last bits (see `ShadowMask.inner_faces`)."""
+    """Whether opposite sides of neighbours may fail to cancel in the last bits (see `ShadowMask.inner_faces`).
+
+    With a stencil they always may: it takes no sign, so one of the two is drawn with its vertices in another order.
+    """
 
     def __init__(self, scene: Scene, method: VolumeMethod, clock: Clock | None) -> None:
         clock = clock or Clock()
@@ -124,7 +130,7 @@ class VolumeCaster(Caster):
         with clock.span("mask"):
             in_shadow = (count != 0) & samples.covered
             band = rounding.band(samples, self._normals)
-        return ShadowMask(in_shadow, self.promise, band, self.inner_faces, stats)
+        return ShadowMask(in_shadow, self.promise, band, self.inner_faces or self.stencil, stats)
 
     def count(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> NDArray[np.int32]:
         """`(h, w)` or `(h, w, s) int32` how many volumes hold each sample: what the counter says in the end."""
@@ -181,7 +187,7 @@ class VolumeCaster(Caster):
         per_pixel = samples.shape[2] if len(samples.shape) == 3 else 1
         count = np.zeros((camera.height, camera.width, per_pixel), np.int32)
         with self.session.current() as current:
-            rounding = Rounding.of(self.scene, camera, light, current.integer("GL_SUBPIXEL_BITS"))
+            rounding = Rounding.of(self.scene, camera, current.integer("GL_SUBPIXEL_BITS"))
             stats: dict[str, int] = {}
             if len(self.mesh.triangles):
                 require(samples.size * _BYTES_PER_SAMPLE, f"shadows by {self.method.name}")
@@ -201,7 +207,7 @@ class VolumeCaster(Caster):
         per_pixel, bits = count.shape[2], current.integer("GL_SUBPIXEL_BITS")
         with clock.span("eye"):
             casting = self.casting(light)
-            behind, start = self._counting(light, camera, rounding.world, casting)
+            behind, start, camera = self._counting(light, camera, rounding.world, casting)
         end = far_plane(self.scene, camera, light, self.mesh.scale)
         frames = [
             Frame(
@@ -241,10 +247,12 @@ class VolumeCaster(Caster):
 
     def _counting(
         self, light: Light, camera: Camera, distance: float, casting: NDArray[np.bool_] | None
-    ) -> tuple[bool, int]:
-        """Whether to count behind the samples, and where the counter starts."""
-        if self.method.counting == "zfail":
-            return True, 0
+    ) -> tuple[bool, int, Camera]:
+        """Whether to count behind the samples, where the counter starts, and a camera that stands on no face.
+
+        A face through the eye is a line in the picture, which clipping takes for anything. So an eye on one is moved
+        off it, by as much as rounding does.
+        """
         scene = self.scene
         triangles = scene.triangles if casting is None else scene.triangles[self.mesh.source[casting]]
         held = count_at_eye(scene.positions, triangles, light.position, camera.eye, distance)
@@ -253,7 +261,13 @@ class VolumeCaster(Caster):
                 f"{self.method.name}: counting='zpass' cannot be trusted here: the eye is within {distance:.3g} of a "
                 "shadow volume's face; 'auto' takes zfail"
             )
-        return (False, held.volumes) if held.clear else (True, 0)
+        if held.clear:
+            return (True, 0, camera) if self.method.counting == "zfail" else (False, held.volumes, camera)
+        for direction in _ASIDE:
+            moved = dataclasses.replace(camera, eye=camera.eye + distance * np.array(direction))
+            if count_at_eye(scene.positions, triangles, light.position, moved.eye, distance / 8).clear:
+                return True, 0, moved
+        return True, 0, camera
 
     def _capped(self, camera: Camera, behind: bool, casting: NDArray[np.bool_] | None) -> NDArray[np.int32]:
         """`(n,)` triangles of the mesh whose caps must be drawn: all of them for z-fail, few for z-pass (see `eye`)."""

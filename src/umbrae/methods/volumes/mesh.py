@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.geometry.edges import Edges, edges, weld
+from umbrae.geometry.edges import Edges, edges, first_equal, weld
 from umbrae.projection import unit_scale
 from umbrae.scene import Scene
 
@@ -71,7 +71,7 @@ def volume_mesh(scene: Scene) -> VolumeMesh:
     proper = (ordered[:, 0] != ordered[:, 1]) & (ordered[:, 1] != ordered[:, 2])
     triangles = np.ascontiguousarray(ordered[proper])
     cap_of = np.full(len(ordered), -1, np.int32)
-    cap_of[proper] = _first_equal(triangles)
+    cap_of[proper] = first_equal(triangles)
     scale = unit_scale(scene)
     return VolumeMesh(
         positions=((scene.positions[first] + np.float32(0)).astype(np.float64) * scale).astype(np.float32),
@@ -81,14 +81,3 @@ def volume_mesh(scene: Scene) -> VolumeMesh:
         source=np.flatnonzero(proper).astype(np.int32),
         cap_of=cap_of,
     )
-
-
-def _first_equal(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
-    """`(t,)` the lowest index of a triangle with the same corners."""
-    order = np.lexsort((triangles[:, 2], triangles[:, 1], triangles[:, 0]))
-    in_order = triangles[order]
-    new = np.ones(len(order), bool)
-    new[1:] = (in_order[1:] != in_order[:-1]).any(axis=1)
-    first = np.empty(len(order), np.int32)
-    first[order] = order[new][np.cumsum(new) - 1] if len(order) else 0
-    return first

@@ -8,6 +8,10 @@ layout(local_size_x = 64) in;
 layout(std430, binding = 0) readonly buffer Positions { float positions[]; };
 uniform int count;  // of triangles or edges
 
+int number() {  // of this invocation; groups are laid out in rows, as there is a limit to each side
+    return int((gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationID.x);
+}
+
 vec3 vertex_position(int id) {
     return vec3(positions[3 * id], positions[3 * id + 1], positions[3 * id + 2]);
 }
@@ -17,7 +21,7 @@ layout(std430, binding = 1) readonly buffer Triangles { int triangles[]; };  // 
 layout(std430, binding = 2) writeonly buffer Sides { int sides[]; };
 
 void main() {
-    int t = int(gl_GlobalInvocationID.x);
+    int t = number();
     if (t >= count) return;
     vec3 a = vertex_position(triangles[3 * t]), b = vertex_position(triangles[3 * t + 1]);
     sides[t] = contribution(0, 1, 2, a, b, vertex_position(triangles[3 * t + 2]));
@@ -32,7 +36,7 @@ layout(std430, binding = 5) writeonly buffer Entries { float entries[]; };  // a
 layout(std430, binding = 6) buffer Command { uint vertex_count, instance_count, first_vertex, first_instance; };
 
 void main() {
-    int edge = int(gl_GlobalInvocationID.x);
+    int edge = number();
     if (edge >= count) return;
     int a_id = edges[2 * edge], b_id = edges[2 * edge + 1];
     vec3 a = vertex_position(a_id), b = vertex_position(b_id);

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from umbrae.clock import Clock
+from umbrae.errors import GraphicsError
 from umbrae.gl.program import apply, program
 from umbrae.methods.volumes.caster import HERE, Frame, SilhouetteCaster
 from umbrae.methods.volumes.method import SilhouetteMethod
@@ -14,6 +15,8 @@ from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
 _GROUP = 64
+_ROW = 65535
+"""Groups side by side that every driver takes."""
 _ENTRY_BYTES = 28
 
 
@@ -49,6 +52,12 @@ class SilhouetteComputeCaster(SilhouetteCaster):
         self._sides = context.buffer(reserve=4 * len(mesh.triangles))
         # A side for every edge; a counter that counts by ones may take one for every adjacency.
         room = len(mesh.opposite) if self.stencil else self._edge_count
+        most = self.session.integer("GL_MAX_SHADER_STORAGE_BLOCK_SIZE")
+        if room * _ENTRY_BYTES > most:
+            raise GraphicsError(
+                f"silhouette-compute: {room} edges need {room * _ENTRY_BYTES} bytes in one buffer, this OpenGL driver "
+                f"takes {most}; `silhouette-cpu` needs no such buffer"
+            )
         self._entries: Any = context.buffer(reserve=room * _ENTRY_BYTES)
         self._command: Any = context.buffer(reserve=16)
 
@@ -68,7 +77,8 @@ class SilhouetteComputeCaster(SilhouetteCaster):
         shader["count"].value = count
         for binding, buffer in enumerate(buffers):
             buffer.bind_to_storage_buffer(binding)
-        shader.run(-(-count // _GROUP))
+        groups = -(-count // _GROUP)
+        shader.run(min(groups, _ROW), -(-groups // _ROW))
         self.session.moderngl.memory_barrier()
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:

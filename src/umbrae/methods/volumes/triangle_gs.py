@@ -15,7 +15,7 @@ class TriangleGs(VolumeMethod):
     """A shadow volume for every triangle, made by a geometry shader: what Milet et al. compare theirs with.
 
     No preprocessing, any soup. Neighbours draw the side between them twice, in opposite directions; both take its
-    vertices in the same order, so the two cancel to the last bit.
+    vertices in the same order, so the two cancel to the last bit, in a counter that takes signs.
     """
 
     name: ClassVar[str] = "triangle-gs"

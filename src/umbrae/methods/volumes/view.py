@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.camera import Camera
+from umbrae.errors import InputError
 from umbrae.light import Light
 from umbrae.parallel import kernel, run
 from umbrae.projection import Uniforms, camera_uniforms
@@ -13,6 +14,10 @@ from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
 _CHUNK = 1 << 16
+_FARTHEST = 2.0**100
+"""Of a light, in scenes of size 1: its products with directions stay within float32."""
+_LEAST_DEPTH_SCALE = 2.0**-60
+"""For near planes that are nearer than float32 can tell: only ratios of depths matter."""
 _LEAST_SLOPE = 2.0**-6
 """Cosine between light and far plane below which volumes go to infinity: they would not end much earlier."""
 _BEYOND = 2.0**-6
@@ -23,8 +28,15 @@ def view_uniforms(camera: Camera, light: Light, scale: float, sample: int, per_p
     """What `camera.glsl` needs, in units of 1 / `scale`; `sample` of `per_pixel` lies off the pixels' centres."""
     position = light.position.astype(np.float64)
     position[:3] *= 2.0 ** -np.frexp(np.abs(position[:3]).max())[1] if light.is_directional else scale
+    if np.abs(position).max() > _FARTHEST:
+        raise InputError(
+            f"light at {light.position[:3].tolist()}: too far from a scene of this size for OpenGL's float32; "
+            "the method `frustum` takes it"
+        )
+    camera_part = camera_uniforms(camera, scale, sample, per_pixel)
     return {
-        **camera_uniforms(camera, scale, sample, per_pixel),
+        **camera_part,
+        "depth_scale": max(camera_part["depth_scale"], _LEAST_DEPTH_SCALE),
         "light": tuple(position.tolist()),
         "far_plane": (0.0, 0.0, 0.0, 0.0),
         "world_scale": scale,
@@ -56,6 +68,8 @@ def far_plane(scene: Scene, camera: Camera, light: Light, scale: float) -> tuple
             reached += _BEYOND * (reached - start) + _BEYOND * float(np.abs(high - low).max())
             if (reached - start) / slope < shortest:
                 shortest = (reached - start) / slope
+                # Float32 must not round it back onto the scene: 64 of its steps.
+                reached += 2.0**-18 * max(1.0 / scale, abs(reached))
                 x, y, z = (sign if other == axis else 0.0 for other in range(3))
                 best = (x, y, z, reached * scale)
     return best
@@ -74,23 +88,21 @@ class Rounding:
     across, divided by the cosine between ray and normal.
 
     Before that, coordinates are rounded in float32: relative to the eye (2 roundings), projected (5), clipped (3), each
-    by 2**-24 of the vertex's distance from the eye; directions away from the light once, and projected, by as much of
-    the distance from the light. Over three axes that stays below 2**-19 of the two distances' sum, `world`.
+    by 2**-24 of the vertex's distance from the eye. A direction away from the light is rounded once, by 2**-24 of its
+    length, however far the light is, and projected: over the scene's extent that turns a side by as much of it.
+    Over three axes both stay below 2**-20 of the sum of the eye's reach and the extent, `world`. The band has it twice:
+    once more for an eye that was moved off a face by as much (`VolumeCaster`).
     """
 
     pixel: float
     world: float
 
     @classmethod
-    def of(cls, scene: Scene, camera: Camera, light: Light, subpixel_bits: int) -> "Rounding":
+    def of(cls, scene: Scene, camera: Camera, subpixel_bits: int) -> "Rounding":
         low, high = scene.bounds.astype(np.float64)
         reach = float(np.linalg.norm(np.maximum(np.abs(high - camera.eye), np.abs(low - camera.eye))))
-        position = light.position[:3].astype(np.float64)
-        if light.is_directional:
-            reach += float(np.linalg.norm(high - low))
-        else:
-            reach += float(np.linalg.norm(np.maximum(np.abs(high - position), np.abs(low - position))))
-        return cls(camera.pixel_size * 2.0**-subpixel_bits + 2.0**-20, reach * 2.0**-19)
+        reach += float(np.linalg.norm(high - low))
+        return cls(camera.pixel_size * 2.0**-subpixel_bits + 2.0**-20, reach * 2.0**-20)
 
     def band(self, samples: ViewSamples, normals: NDArray[np.float32]) -> NDArray[np.float32]:
         """`(...)` world units, 0 for background; `normals (t, 3)` are the triangles' own, of length 1."""
@@ -118,4 +130,4 @@ def _band(depth, triangle, position, normals, eye, pixel, world, start, stop, ba
         x, y, z = position[i, 0] - eye[0], position[i, 1] - eye[1], position[i, 2] - eye[2]
         along = abs(normals[t, 0] * x + normals[t, 1] * y + normals[t, 2] * z)
         steep = np.sqrt(x * x + y * y + z * z) / along if along > 0.0 else np.inf
-        band[i] = depth[i] * pixel * steep + world
+        band[i] = depth[i] * pixel * steep + 2.0 * world
