@@ -130,3 +130,43 @@ def test_pictures_too_large_for_the_driver_are_refused_and_do_no_harm():
         with pytest.raises(GraphicsError, match=f"too large for this OpenGL driver.* up to {largest} a side"):
             caster.shadow(light, sample(scene, wide))
     assert verify(scene, light, samples, caster.shadow(light, samples)).ok
+
+
+@pytest.mark.parametrize("method", VOLUMES)
+@pytest.mark.parametrize("seed", [4, 69, 339])
+def test_an_eye_in_the_middle_of_a_triangle(method, seed):
+    rng = np.random.default_rng(seed)
+    corners = rng.uniform(-2, 2, (12, 3, 3))
+    corners[0] *= 4
+    scene = Scene(corners.reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    first = scene.positions[scene.triangles[0]].astype(float)
+    eye, light = rng.dirichlet([1, 1, 1]) @ first, Light.point(rng.uniform(-4, 4, 3))
+    target = rng.uniform(-1, 1, 3) if seed % 2 else rng.dirichlet([1, 1, 1]) @ first
+    samples = sample(scene, Camera.look_at(eye, target, width=96, height=72, fov_y=60))
+    mask = METHODS[method]().prepare(scene).shadow(light, samples)
+    assert verify(scene, light, samples, mask).ok
+
+
+@pytest.mark.parametrize("method", VOLUMES)
+def test_a_scene_of_few_float32_steps(method):
+    # So far from zero that a far plane just behind it would be rounded onto it.
+    corners = np.array([(-0.5, 0.5, -0.5), (0.5, 0.5, -0.5), (0, 0.5, 0.5), (-1, 0, -1), (1, 0, -1), (0, 0, 1)])
+    scene = Scene((corners + 1e6).astype(np.float32), [(0, 1, 2), (3, 4, 5)])
+    middle = np.full(3, 1e6)
+    samples = sample(scene, Camera.look_at(middle + np.array([1, 3, 4]), middle, width=64, height=48))
+    for light in (Light.directional((0.25, -1, 0.125)), Light.point(middle + np.array([0, 8, 1]))):
+        mask = METHODS[method]().prepare(scene).shadow(light, samples)
+        assert verify(scene, light, samples, mask).ok
+
+
+@pytest.mark.parametrize("times", [1, 2])
+@pytest.mark.parametrize("position", [(3, 10, 2, 0), (3e5, 1e6, 2e5, 1), (3e6, 1e7, 2e6, 1)])
+def test_an_inverted_mask_is_wrong_however_far_the_light_and_how_often_the_triangles(times, position):
+    plate, floor = [(-1, 1, -1), (1, 1, -1), (0, 1, 1)], [(-4, 0, -4), (4, 0, -4), (4, 0, 4), (-4, 0, 4)]
+    scene = Scene(plate + floor, [(0, 1, 2), (3, 4, 5), (3, 5, 6)] * times)
+    light = Light(np.array(position, np.float32))
+    samples = sample(scene, Camera.look_at((0, 3, 8), (0, 0, 0), width=160, height=120))
+    mask = METHODS["silhouette-cpu"]().prepare(scene).shadow(light, samples)
+    assert verify(scene, light, samples, mask).ok
+    verdict = verify(scene, light, samples, dataclasses.replace(mask, in_shadow=~mask.in_shadow & samples.covered))
+    assert verdict.outside_band > 0.99 * verdict.checked

@@ -23,7 +23,7 @@ from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.memory import require
 from umbrae.methods.method import Caster
-from umbrae.methods.volumes.eye import contour_vertices, count_at_eye, crossed_caps
+from umbrae.methods.volumes.eye import contour_vertices, count_at_eye, crossed_caps, light_spread
 from umbrae.methods.volumes.mesh import volume_mesh
 from umbrae.methods.volumes.method import DETERMINISM, SilhouetteMethod, VolumeMethod
 from umbrae.methods.volumes.view import Rounding, far_plane, view_uniforms
@@ -187,7 +187,10 @@ class VolumeCaster(Caster):
         per_pixel = samples.shape[2] if len(samples.shape) == 3 else 1
         count = np.zeros((camera.height, camera.width, per_pixel), np.int32)
         with self.session.current() as current:
-            rounding = Rounding.of(self.scene, camera, current.integer("GL_SUBPIXEL_BITS"))
+            spread = 2.0
+            if not light.is_directional:
+                spread = light_spread(self.mesh.positions, self.mesh.edges.vertices, light.position * self.mesh.scale)
+            rounding = Rounding.of(self.scene, camera, current.integer("GL_SUBPIXEL_BITS"), spread)
             stats: dict[str, int] = {}
             if len(self.mesh.triangles):
                 require(samples.size * _BYTES_PER_SAMPLE, f"shadows by {self.method.name}")
@@ -207,7 +210,7 @@ class VolumeCaster(Caster):
         per_pixel, bits = count.shape[2], current.integer("GL_SUBPIXEL_BITS")
         with clock.span("eye"):
             casting = self.casting(light)
-            behind, start, camera = self._counting(light, camera, rounding.world, casting)
+            behind, start, camera = self._counting(light, camera, rounding, casting)
         end = far_plane(self.scene, camera, light, self.mesh.scale)
         frames = [
             Frame(
@@ -246,14 +249,14 @@ class VolumeCaster(Caster):
         return self.method.counter == "stencil"
 
     def _counting(
-        self, light: Light, camera: Camera, distance: float, casting: NDArray[np.bool_] | None
+        self, light: Light, camera: Camera, rounding: Rounding, casting: NDArray[np.bool_] | None
     ) -> tuple[bool, int, Camera]:
         """Whether to count behind the samples, where the counter starts, and a camera that stands on no face.
 
         A face through the eye is a line in the picture, which clipping takes for anything. So an eye on one is moved
         off it, by as much as rounding does.
         """
-        scene = self.scene
+        scene, distance = self.scene, rounding.world + rounding.turned
         triangles = scene.triangles if casting is None else scene.triangles[self.mesh.source[casting]]
         held = count_at_eye(scene.positions, triangles, light.position, camera.eye, distance)
         if not held.clear and self.method.counting == "zpass":
@@ -264,8 +267,8 @@ class VolumeCaster(Caster):
         if held.clear:
             return (True, 0, camera) if self.method.counting == "zfail" else (False, held.volumes, camera)
         for direction in _ASIDE:
-            moved = dataclasses.replace(camera, eye=camera.eye + distance * np.array(direction))
-            if count_at_eye(scene.positions, triangles, light.position, moved.eye, distance / 8).clear:
+            moved = dataclasses.replace(camera, eye=camera.eye + rounding.world * np.array(direction))
+            if count_at_eye(scene.positions, triangles, light.position, moved.eye, rounding.world / 8).clear:
                 return True, 0, moved
         return True, 0, camera
 

@@ -189,3 +189,33 @@ def _crossed(positions, triangles, wanted, at_contour, world_to_clip, near, slac
             above = above and w - y < -room
             behind = behind and w < -room
         crossed[t] = chosen and not (left or right or below or above or behind)
+
+
+def light_spread(positions: NDArray[np.float32], edge_vertices: NDArray[np.int32], light: NDArray[np.float32]) -> float:
+    """How much wider an edge is than its distance from the point light, at most: (|A - L| + |B - L|) / distance.
+
+    Seen from a light close by, the two ends lie in nearly opposite directions. What is between them, far behind the
+    edge, is the small difference of the two, and has their roundings. Edges through the light are left out: their
+    triangles are edge-on and cast nothing. At least 2.
+    """
+    source = light.astype(np.float64)
+    chunks = _chunks(len(edge_vertices))
+    return max(run(lambda i: _spread(positions, edge_vertices, source, *chunks[i]), len(chunks)), default=2.0)
+
+
+@kernel
+def _spread(positions, edge_vertices, light, start, stop):
+    most = 2.0
+    for edge in range(start, stop):
+        i, j = edge_vertices[edge, 0], edge_vertices[edge, 1]
+        ax, ay, az = positions[i, 0] - light[0], positions[i, 1] - light[1], positions[i, 2] - light[2]
+        bx, by, bz = positions[j, 0] - light[0], positions[j, 1] - light[1], positions[j, 2] - light[2]
+        ex, ey, ez = bx - ax, by - ay, bz - az
+        # Only where the foot of the perpendicular lies on the edge do the ends lie on both sides of it.
+        if ax * ex + ay * ey + az * ez < 0.0 and bx * ex + by * ey + bz * ez > 0.0:
+            area = _normal_length(ax, ay, az, bx, by, bz)
+            length = np.sqrt(ex * ex + ey * ey + ez * ez)
+            if area > 2.0**-40 * length * length:
+                ends = np.sqrt(ax * ax + ay * ay + az * az) + np.sqrt(bx * bx + by * by + bz * bz)
+                most = max(most, ends * length / area)
+    return most

@@ -77,7 +77,7 @@ def far_plane(scene: Scene, camera: Camera, light: Light, scale: float) -> tuple
 
 @dataclass(frozen=True)
 class Rounding:
-    """How far a face of a volume may be drawn from where it is: `pixel` for each unit of distance, plus `world`.
+    """How far a face of a volume may be drawn from where it is: `pixel` for each unit of distance, `world`, `turned`.
 
     Vertices are rounded to the driver's subpixel grid: at most half a step in x and in y, which moves every point of
     a face by less than one step of the grid, at its own depth (a point of a triangle is an affine combination of its
@@ -88,21 +88,25 @@ class Rounding:
     across, divided by the cosine between ray and normal.
 
     Before that, coordinates are rounded in float32: relative to the eye (2 roundings), projected (5), clipped (3), each
-    by 2**-24 of the vertex's distance from the eye. A direction away from the light is rounded once, by 2**-24 of its
-    length, however far the light is, and projected: over the scene's extent that turns a side by as much of it.
-    Over three axes both stay below 2**-20 of the sum of the eye's reach and the extent, `world`. The band has it twice:
-    once more for an eye that was moved off a face by as much (`VolumeCaster`).
+    by 2**-24 of the vertex's distance from the eye. Over three axes that stays below 2**-20 of the sum of the eye's
+    reach and the scene's extent, `world`. The band has it twice: once more for an eye moved off a face by as much.
+
+    A direction away from the light is rounded once, by 2**-24 of its length, and projected. However far the light is,
+    that turns a side by as much of the extent; more where it is close to an edge, by `light_spread`, since the side's
+    middle is then a small difference of two directions: `turned` is 2**-22 of the extent times that.
     """
 
     pixel: float
     world: float
+    turned: float
 
     @classmethod
-    def of(cls, scene: Scene, camera: Camera, subpixel_bits: int) -> "Rounding":
+    def of(cls, scene: Scene, camera: Camera, subpixel_bits: int, spread: float = 2.0) -> "Rounding":
         low, high = scene.bounds.astype(np.float64)
         reach = float(np.linalg.norm(np.maximum(np.abs(high - camera.eye), np.abs(low - camera.eye))))
-        reach += float(np.linalg.norm(high - low))
-        return cls(camera.pixel_size * 2.0**-subpixel_bits + 2.0**-20, reach * 2.0**-20)
+        extent = float(np.linalg.norm(high - low))
+        pixel = camera.pixel_size * 2.0**-subpixel_bits + 2.0**-20
+        return cls(pixel, (reach + extent) * 2.0**-20, extent * spread * 2.0**-22)
 
     def band(self, samples: ViewSamples, normals: NDArray[np.float32]) -> NDArray[np.float32]:
         """`(...)` world units, 0 for background; `normals (t, 3)` are the triangles' own, of length 1."""
@@ -114,7 +118,7 @@ class Rounding:
 
         def task(index: int) -> None:
             start, stop = chunks[index], min(chunks[index] + _CHUNK, samples.size)
-            _band(*arrays, normals, eye, self.pixel, self.world, start, stop, band)
+            _band(*arrays, normals, eye, self.pixel, 2.0 * self.world + self.turned, start, stop, band)
 
         run(task, len(chunks))
         return band.reshape(samples.shape)
@@ -130,4 +134,4 @@ def _band(depth, triangle, position, normals, eye, pixel, world, start, stop, ba
         x, y, z = position[i, 0] - eye[0], position[i, 1] - eye[1], position[i, 2] - eye[2]
         along = abs(normals[t, 0] * x + normals[t, 1] * y + normals[t, 2] * z)
         steep = np.sqrt(x * x + y * y + z * z) / along if along > 0.0 else np.inf
-        band[i] = depth[i] * pixel * steep + 2.0 * world
+        band[i] = depth[i] * pixel * steep + world
