@@ -2,7 +2,7 @@
 
 A file holds all stages of a program, each between its own `#ifdef VERTEX_SHADER` (`TESS_CONTROL_SHADER`,
 `TESS_EVALUATION_SHADER`, `GEOMETRY_SHADER`, `FRAGMENT_SHADER`, `COMPUTE_SHADER`) and `#endif`; what stands outside
-belongs to all. `#include "name.glsl"` takes a file of `gl/include`.
+belongs to all. `#include "name.glsl"` takes a file of `gl/include`, which may bring a stage.
 """
 
 import re
@@ -95,7 +95,7 @@ def _check_conditions(path: Path, lines: list[Line], known: set[str]) -> None:
 
 
 def _compile(session: Session, path: Path, defines: Mapping[str, int | str]) -> Any:
-    text = _read(path)
+    text = "\n".join(line.text for line in _lines(path, []))  # an include may bring a whole stage
     present = {argument: stage for argument, stage in STAGES.items() if f"#ifdef {stage}" in text}
     if COMPUTE in text:
         present = {"source": COMPUTE}

@@ -1,18 +1,10 @@
 // Light caps (the casting triangles) and dark caps (the same at the volume's far end), oriented like their volume.
 
 #include "camera.glsl"
+#include "corner.glsl"
 #include "multiplicity.glsl"
 #include "count.glsl"
 #include "own.glsl"
-
-#ifdef VERTEX_SHADER
-in vec3 position;
-out vec3 corner;
-
-void main() {
-    corner = position;
-}
-#endif
 
 #ifdef GEOMETRY_SHADER
 layout(triangles) in;

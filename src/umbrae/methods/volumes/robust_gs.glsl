@@ -3,20 +3,10 @@
 // faces the other way, or where there is none; triangles that face away do the same, inverted.
 
 #include "camera.glsl"
+#include "corner.glsl"
 #include "facing.glsl"
 #include "count.glsl"
 #include "sides.glsl"
-
-#ifdef VERTEX_SHADER
-in vec3 position;
-out vec3 corner;
-flat out int vertex;
-
-void main() {
-    corner = position;
-    vertex = gl_VertexID;
-}
-#endif
 
 #ifdef GEOMETRY_SHADER
 layout(triangles_adjacency) in;

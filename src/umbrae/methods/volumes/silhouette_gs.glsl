@@ -1,20 +1,10 @@
 // Silhouettes by a geometry shader: a line with adjacency is an edge between the two vertices opposite to it.
 
 #include "camera.glsl"
+#include "corner.glsl"
 #include "multiplicity.glsl"
 #include "count.glsl"
 #include "sides.glsl"
-
-#ifdef VERTEX_SHADER
-in vec3 position;
-out vec3 corner;
-flat out int vertex;
-
-void main() {
-    corner = position;
-    vertex = gl_VertexID;
-}
-#endif
 
 #ifdef GEOMETRY_SHADER
 layout(lines_adjacency) in;

@@ -2,19 +2,9 @@
 // vertices opposite to it. The control shader finds the multiplicity, the evaluation shader bends one quad into as many.
 
 #include "camera.glsl"
+#include "corner.glsl"
 #include "multiplicity.glsl"
 #include "count.glsl"
-
-#ifdef VERTEX_SHADER
-in vec3 position;
-out vec3 corner;
-flat out int vertex;
-
-void main() {
-    corner = position;
-    vertex = gl_VertexID;
-}
-#endif
 
 #ifdef TESS_CONTROL_SHADER
 layout(vertices = 2) out;

@@ -1,18 +1,10 @@
 // A shadow volume for every triangle by a geometry shader: its three sides. Corners come in ascending order.
 
 #include "camera.glsl"
+#include "corner.glsl"
 #include "facing.glsl"
 #include "count.glsl"
 #include "sides.glsl"
-
-#ifdef VERTEX_SHADER
-in vec3 position;
-out vec3 corner;
-
-void main() {
-    corner = position;
-}
-#endif
 
 #ifdef GEOMETRY_SHADER
 layout(triangles) in;

@@ -3,17 +3,9 @@
 // ring between the two becomes the sides. The winding is reversed, so that fronts are outside.
 
 #include "camera.glsl"
+#include "corner.glsl"
 #include "facing.glsl"
 #include "count.glsl"
-
-#ifdef VERTEX_SHADER
-in vec3 position;
-out vec3 corner;
-
-void main() {
-    corner = position;
-}
-#endif
 
 #ifdef TESS_CONTROL_SHADER
 layout(vertices = 3) out;

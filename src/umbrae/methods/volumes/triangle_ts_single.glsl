@@ -3,21 +3,11 @@
 // to a line, so that it does not matter along which diagonal the tessellator splits a quad, which OpenGL leaves open.
 
 #include "camera.glsl"
+#include "corner.glsl"
 #include "facing.glsl"
 #include "count.glsl"
 
 const int COLUMNS = 9;  // between 10 columns of vertices
-
-#ifdef VERTEX_SHADER
-in vec3 position;
-out vec3 corner;
-flat out int vertex;
-
-void main() {
-    corner = position;
-    vertex = gl_VertexID;
-}
-#endif
 
 #ifdef TESS_CONTROL_SHADER
 layout(vertices = 3) out;
