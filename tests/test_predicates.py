@@ -76,12 +76,13 @@ def test_predicate_agrees_with_rationals_for_every_pair(soup, position):
             if facing == 0 or t == own:
                 continue
             u, v = (float(x) for x in samples.barycentric[i])
-            flags = predicates.shadows(
-                scene.positions, scene.triangles, t, facing, source, own, u, v, int(samples.side[i]), point
-            )
-            used_exact += bool(flags & predicates.EXACT)
-            if not predicates.same_triangle(scene.positions, scene.triangles, own, t):
-                assert bool(flags & predicates.SHADOWED) == exact.shades(samples, i, t), (t, i)
+            for closed in (True, False):
+                flags = predicates.shadows(
+                    scene.positions, scene.triangles, t, facing, source, own, u, v, int(samples.side[i]), point, closed
+                )
+                used_exact += bool(flags & predicates.EXACT)
+                if not predicates.same_triangle(scene.positions, scene.triangles, own, t):
+                    assert bool(flags & predicates.SHADOWED) == exact.shades(samples, i, t, closed), (t, i)
     if soup is lattice_soup:
         assert used_exact > 0, "a lattice without a single tie tests nothing"
 

@@ -27,7 +27,7 @@ class ShadowMask:
     Attributes
     ----------
     in_shadow
-        `(...) bool`, the samples' shape: true where no light arrives. Background is lit.
+        `(...) bool`, the samples' shape: true where no light arrives, of any colour. Background is lit.
     guarantee
         What the method promises about it.
     band
@@ -38,6 +38,11 @@ class ShadowMask:
         of its own, and does not make opposite sides cancel to the last bit.
     stats
         Work counters, whole numbers by name.
+    partial
+        `(..., 3) float32` in [0, 1]: the share of light that arrives per colour channel, where casters let some of it
+        through or the light has a size; None where every sample is either lit or dark.
+    tolerance
+        The most that an entry of `partial` may be off.
     """
 
     in_shadow: NDArray[np.bool_]
@@ -45,9 +50,13 @@ class ShadowMask:
     band: NDArray[np.float32] | None = None
     inner_faces: bool = False
     stats: Mapping[str, int] = field(default_factory=dict)
+    partial: NDArray[np.float32] | None = None
+    tolerance: float = 0.0
 
     @cached_property
     def transmittance(self) -> NDArray[np.float32]:
         """`(..., 3) float32`, the share of light that arrives per colour channel: 1 lit, 0 dark."""
+        if self.partial is not None:
+            return self.partial
         lit = np.where(self.in_shadow, np.float32(0), np.float32(1))
         return np.repeat(lit[..., None], 3, axis=-1)

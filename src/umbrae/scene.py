@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -133,6 +133,21 @@ class Scene:
         used[self.triangles.reshape(-1)] = True
         points = self.positions[used]
         return _frozen(np.stack([points.min(axis=0), points.max(axis=0)]))
+
+    def opaque(self) -> "Scene":
+        """The same scene with every material opaque: no holes, nothing seen through, nothing lets light through."""
+        solid = [replace(material, alpha_mode="OPAQUE", transmission=0.0) for material in self.materials]
+        return Scene(
+            self.positions,
+            self.triangles,
+            solid,
+            self.material_id,
+            self.normals,
+            self.uv,
+            self.object_id,
+            self.colors,
+            self.origin,
+        )
 
     def local(self, world: ArrayLike) -> NDArray[np.float64]:
         """World coordinates `(..., 3)` in the scene's own coordinates: minus `origin`, in float64."""

@@ -31,6 +31,13 @@ covered, with room for the roundings of the bound itself, by
 A value below its bound is decided by `expansion.dot_sign`, exactly. Float64 neither overflows nor underflows here:
 coordinates are at most 1e18 and at least 1e-45 in magnitude, or zero.
 
+Counting
+--------
+Where what triangles let through is multiplied up, or volumes are counted, a shared edge must belong to exactly one of
+its two triangles, so side planes are half-open (`closed` is False): a sign that is zero after all of the above becomes
+that of the first component of N, x before y before z, that is not zero. It is the side of a point that is off by
+(e, e**2, e**3), so that also of a fan of triangles around a vertex exactly one gets the sample.
+
 Vertices that span a side plane are taken in lexicographic order of their positions (Sintorn et al. 2011, section 3;
 Milet et al., Algorithm 2), so that two triangles which share an edge compute bitwise the same plane.
 """
@@ -236,15 +243,31 @@ def plane_value(positions, i, j, k, point, magnitude):
 
 
 @inline
-def exact_side(positions, triangles, i, j, light, own, u, v, side, point):
-    """Exact side of the side plane through the light and the edge from vertex i to j."""
+def exact_side(positions, triangles, i, j, light, own, u, v, side, point, closed):
+    """Exact side of the side plane through the light and the edge from vertex i to j; 0 on it only if `closed`."""
     sign = 1
     if after(positions, i, j):
         i, j = j, i
         sign = -1
     v0 = vertex(positions, i)
     normal = side_normal_terms(v0, vertex(positions, j), light)
-    return sign * exact_sign(positions, triangles, own, u, v, side, point, v0, normal)
+    found = exact_sign(positions, triangles, own, u, v, side, point, v0, normal)
+    if found == 0 and not closed:
+        found = leading_sign(normal)
+    return sign * found
+
+
+@inline
+def leading_sign(normal):
+    """Sign of the first component, of 6 exact summands each, that is not zero."""
+    axis = np.zeros((3, MAX_TERMS))
+    for along in range(3):
+        axis[:, 0] = 0.0
+        axis[along, 0] = 1.0
+        found = dot_sign(axis, 1, normal, 6)
+        if found != 0:
+            return found
+    return 0
 
 
 SHADOWED = 1
@@ -252,7 +275,7 @@ EXACT = 2
 
 
 @inline
-def shadows(positions, triangles, t, facing_t, light, own, u, v, side, point):
+def shadows(positions, triangles, t, facing_t, light, own, u, v, side, point, closed):
     """Whether triangle t (with nonzero `facing_t`) shadows the sample; the sample's own triangle must not be asked.
 
     Parameters
@@ -265,6 +288,8 @@ def shadows(positions, triangles, t, facing_t, light, own, u, v, side, point):
         The sample's triangle (-1 for a free point), barycentrics (float64 holding float32 values) and side.
     point
         `(3,) float64`; a free point's position on entry, scratch space for others.
+    closed
+        Whether the side planes belong to the triangle, or one of each to the neighbour.
 
     Returns
     -------
@@ -284,11 +309,11 @@ def shadows(positions, triangles, t, facing_t, light, own, u, v, side, point):
         return SHADOWED
     if own >= 0 and same_triangle(positions, triangles, own, t):
         return 0
-    if s01 <= b01 and s * exact_side(positions, triangles, i, j, light, own, u, v, side, point) < 0:
+    if s01 <= b01 and s * exact_side(positions, triangles, i, j, light, own, u, v, side, point, closed) < 0:
         return EXACT
-    if s12 <= b12 and s * exact_side(positions, triangles, j, k, light, own, u, v, side, point) < 0:
+    if s12 <= b12 and s * exact_side(positions, triangles, j, k, light, own, u, v, side, point, closed) < 0:
         return EXACT
-    if s20 <= b20 and s * exact_side(positions, triangles, k, i, light, own, u, v, side, point) < 0:
+    if s20 <= b20 and s * exact_side(positions, triangles, k, i, light, own, u, v, side, point, closed) < 0:
         return EXACT
     if beyond <= bound:
         a = vertex(positions, i)
@@ -296,6 +321,23 @@ def shadows(positions, triangles, t, facing_t, light, own, u, v, side, point):
         if s * exact_sign(positions, triangles, own, u, v, side, point, a, normal) <= 0:
             return EXACT
     return EXACT | SHADOWED
+
+
+@inline
+def hit_weights(positions, triangles, t, light, point):
+    """Barycentrics of the place where the ray from a sample to the light meets triangle t, which shadows it.
+
+    They are the sample's distances from the three side planes, scaled to add up to 1 (Sintorn et al. 2011, section
+    3.2); `point` is its float64 position.
+    """
+    i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+    c = abs(side_value(positions, i, j, light, point, 0.0)[0])
+    a = abs(side_value(positions, j, k, light, point, 0.0)[0])
+    b = abs(side_value(positions, k, i, light, point, 0.0)[0])
+    total = a + b + c
+    if total == 0.0:
+        return 1.0, 0.0, 0.0
+    return a / total, b / total, c / total
 
 
 @inline

@@ -134,7 +134,7 @@ def _settle(slot, lane, t, leaf_ids, positions, triangles, light, barycentric, s
         point[axis] = position[index, axis]
     answer = shadows(
         positions, triangles, t, facing(positions, triangles, t, light), light, own,
-        np.float64(barycentric[index, 0]), np.float64(barycentric[index, 1]), np.int64(side[index]), point,
+        np.float64(barycentric[index, 0]), np.float64(barycentric[index, 1]), np.int64(side[index]), point, True,
     )  # fmt: skip
     stats[FALLBACKS] += 1
     if answer & EXACT:

@@ -136,8 +136,11 @@ class Exact:
         a, b, c = self.corners(triangle)
         return _sign(_dot(_cross(_minus(b, a), _minus(c, a)), _minus(self.light, _times(self.w, a))))
 
-    def shades(self, samples: ViewSamples, sample: int, triangle: int) -> bool:
-        """Whether the triangle shadows sample number `sample` of a flat list."""
+    def shades(self, samples: ViewSamples, sample: int, triangle: int, closed: bool = True) -> bool:
+        """Whether the triangle shadows sample number `sample` of a flat list.
+
+        Side planes belong to the triangle if `closed`; else a sample on one counts as moved by (e, e**2, e**3), e -> 0.
+        """
         own, side = int(samples.triangle[sample]), int(samples.side[sample])
         facing = self.facing(triangle)
         if triangle == own:
@@ -158,7 +161,10 @@ class Exact:
         a, b, c = self.corners(triangle)
         for first, second in ((a, b), (b, c), (c, a)):
             normal = _cross(_minus(_times(self.w, first), self.light), _minus(second, first))
-            if -facing * side_of(normal, first) < 0:
+            sign = side_of(normal, first)
+            if sign == 0 and not closed:
+                sign = next((_sign(component) for component in normal if component), 0)
+            if -facing * sign < 0:
                 return False
         return -facing * side_of(_cross(_minus(b, a), _minus(c, a)), a) > 0
 

@@ -1,0 +1,170 @@
+"""What a caster lets through: per colour channel, `(1 - a) + a t c`.
+
+`a` is the opacity: alpha of the base colour, times that of texture and vertex colours, cut to 0 or 1 by alpha mode MASK
+and taken as 1 by OPAQUE; `t` the share of light that is transmitted (KHR_materials_transmission), `c` the base colour
+times texture and vertex colours. All is linear. What a thick body absorbs is not modelled.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae.errors import InputError
+from umbrae.geometry.texture import SRGB_TO_LINEAR, Textures, fetch, pack
+from umbrae.material import Material
+from umbrae.parallel import inline
+from umbrae.scene import Scene
+
+SOLID, CLEAR, EVEN, VARYING = range(4)
+"""Kinds of triangles: nothing passes anywhere, everything does, the same everywhere, or it depends on the place."""
+
+OPAQUE, MASK, BLEND = range(3)
+"""Alpha modes as numbers."""
+
+
+class Transmission(NamedTuple):
+    """What each triangle of a scene lets through, as kernels take it.
+
+    Attributes
+    ----------
+    kind
+        `(t,) uint8`: `SOLID`, `CLEAR`, `EVEN` or `VARYING`.
+    material_id
+        `(t,) int32`.
+    closed
+        `(m,) bool`: the material is opaque wherever it is there at all, so that its triangles shadow what lies on
+        their side planes, like solid ones. All others give a shared edge to one of its two triangles.
+    even
+        `(m, 3) float64`: the share that passes, for triangles of kind `EVEN`.
+    base
+        `(m, 4) float64` base colour and alpha; `transmitted (m,)`, `cutoff (m,)`, `mode (m,)` as above.
+    uv, colors
+        `(v, 2)` and `(v, 4) float32`, no rows where the scene has none.
+    texels, offset, size
+        `Textures` of the materials; none where a texture does not matter.
+    """
+
+    kind: NDArray[np.uint8]
+    material_id: NDArray[np.int32]
+    closed: NDArray[np.bool_]
+    even: NDArray[np.float64]
+    base: NDArray[np.float64]
+    transmitted: NDArray[np.float64]
+    cutoff: NDArray[np.float64]
+    mode: NDArray[np.int8]
+    uv: NDArray[np.float32]
+    colors: NDArray[np.float32]
+    texels: NDArray[np.uint8]
+    offset: NDArray[np.int64]
+    size: NDArray[np.int64]
+
+    @property
+    def textures(self) -> Textures:
+        """The three arrays about textures."""
+        return Textures(self.texels, self.offset, self.size)
+
+
+def transmission_of(scene: Scene) -> Transmission | None:
+    """What the triangles of a scene let through; None when all are solid.
+
+    Raises
+    ------
+    InputError
+        When it depends on a texture, and the scene has no texture coordinates.
+    """
+    materials = scene.materials
+    kind_of, even = np.empty(len(materials), np.uint8), np.zeros((len(materials), 3))
+    for index, material in enumerate(materials):
+        kind_of[index], even[index] = _alone(material)
+    kind = kind_of[scene.material_id]
+    if scene.colors is not None:
+        # What vertex colours change: nothing where they are white.
+        matters = np.array([not material.casts_solid for material in materials])[scene.material_id]
+        tinted = (scene.colors[scene.triangles] != 1).any(axis=(1, 2)) if matters.any() else matters
+        kind[matters & tinted & (kind != CLEAR)] = VARYING
+    if (kind == SOLID).all():
+        return None
+    textured = np.array([material.texture is not None for material in materials])
+    for index in np.unique(scene.material_id[textured[scene.material_id] & (kind == VARYING)]):
+        if scene.uv is None:
+            raise InputError(
+                f"material {index} ({materials[index].name!r}): its texture decides how much light passes, but the "
+                "scene has no texture coordinates (Scene.uv)"
+            )
+    textures = pack([m.texture if textured[i] and not m.casts_solid else None for i, m in enumerate(materials)])
+    return Transmission(
+        kind,
+        scene.material_id,
+        np.array([m.alpha_mode == "MASK" and m.transmission == 0.0 for m in materials]),
+        even,
+        np.array([m.base_color for m in materials], np.float64),
+        np.array([m.transmission for m in materials], np.float64),
+        np.array([m.alpha_cutoff for m in materials], np.float64),
+        np.array([("OPAQUE", "MASK", "BLEND").index(m.alpha_mode) for m in materials], np.int8),
+        _rows(scene.uv, 2),
+        _rows(scene.colors, 4),
+        *textures,
+    )
+
+
+def _alone(material: Material) -> tuple[int, NDArray[np.float64]]:
+    """The kind of a material's triangles, vertex colours aside, and what passes if that is the same everywhere."""
+    color = np.array(material.base_color, np.float64)
+    low = high = color
+    if material.texture is not None:
+        texels = material.texture.reshape(-1, 4)
+        least, most = texels.min(axis=0), texels.max(axis=0)
+        low = color * np.append(SRGB_TO_LINEAR[least[:3]], least[3] / 255.0)
+        high = color * np.append(SRGB_TO_LINEAR[most[:3]], most[3] / 255.0)
+    a_low, a_high = {
+        "OPAQUE": (1.0, 1.0),
+        "MASK": (float(low[3] >= material.alpha_cutoff), float(high[3] >= material.alpha_cutoff)),
+        "BLEND": (float(low[3]), float(high[3])),
+    }[material.alpha_mode]
+    nothing = np.zeros(3)
+    if a_high == 0.0:
+        return CLEAR, np.ones(3)
+    if a_low != a_high or (material.transmission > 0.0 and (low[:3] != high[:3]).any()):
+        return VARYING, nothing
+    passes = (1.0 - a_low) + a_low * material.transmission * low[:3]
+    if (passes == 0.0).all():
+        return SOLID, nothing
+    if (passes == 1.0).all():
+        return CLEAR, passes
+    return EVEN, passes
+
+
+def _rows(values: NDArray[np.float32] | None, width: int) -> NDArray[np.float32]:
+    if values is not None:
+        return values
+    none = np.zeros((0, width), np.float32)
+    none.flags.writeable = False  # as the scene's own arrays: to Numba it is part of the type
+    return none
+
+
+@inline
+def passing(
+    triangles: NDArray[np.int32], table: Transmission, t: int, wa: float, wb: float, wc: float
+) -> tuple[float, float, float]:
+    """What triangle t, of kind `VARYING`, lets through at a place with these barycentrics."""
+    m = table.material_id[t]
+    a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+    red, green, blue, alpha = table.base[m, 0], table.base[m, 1], table.base[m, 2], table.base[m, 3]
+    if table.offset[m] >= 0:
+        u = wa * table.uv[a, 0] + wb * table.uv[b, 0] + wc * table.uv[c, 0]
+        v = wa * table.uv[a, 1] + wb * table.uv[b, 1] + wc * table.uv[c, 1]
+        r, g, bl, al = fetch(table.texels, table.offset, table.size, m, u, v)
+        red, green, blue, alpha = red * r, green * g, blue * bl, alpha * al
+    if len(table.colors) > 0:
+        red *= wa * table.colors[a, 0] + wb * table.colors[b, 0] + wc * table.colors[c, 0]
+        green *= wa * table.colors[a, 1] + wb * table.colors[b, 1] + wc * table.colors[c, 1]
+        blue *= wa * table.colors[a, 2] + wb * table.colors[b, 2] + wc * table.colors[c, 2]
+        alpha *= wa * table.colors[a, 3] + wb * table.colors[b, 3] + wc * table.colors[c, 3]
+    if table.mode[m] == OPAQUE:
+        alpha = 1.0
+    elif table.mode[m] == MASK:
+        alpha = 1.0 if alpha >= table.cutoff[m] else 0.0
+    share = alpha * table.transmitted[m]
+    clear = 1.0 - alpha
+    return clear + share * red, clear + share * green, clear + share * blue
