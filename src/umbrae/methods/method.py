@@ -5,11 +5,16 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+
+from umbrae.checks import shown
 from umbrae.clock import Clock
+from umbrae.errors import InputError
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
+from umbrae.transmission import SOLID, transmission_of
 
 
 class Caster(ABC):
@@ -28,7 +33,7 @@ class Method(ABC):
     """A shadow algorithm. Its dataclass fields are its options, its docstring is its manual page.
 
     `engine` is what it runs on, "CPU" or "OpenGL". `accepts` are the kinds of samples that it takes: whole "pictures"
-    with the camera that sees them, "points" of any shape.
+    with the camera that sees them, "points" of any shape; and "transparency": scenes whose surfaces let light through.
     """
 
     name: ClassVar[str]
@@ -44,3 +49,16 @@ class Method(ABC):
     def options(self) -> dict[str, Any]:
         """Option values by name."""
         return dataclasses.asdict(self)
+
+
+def require_solid(scene: Scene, name: str) -> None:
+    """Refuse a scene that lets light through, for a method that cannot."""
+    table = transmission_of(scene)
+    if table is None:
+        return
+    used = np.unique(scene.material_id[table.kind != SOLID])
+    named = ", ".join(shown(scene.materials[index].name or f"number {index}") for index in used[:3])
+    raise InputError(
+        f"{name}: wanted solid casters, but {len(used)} material{'s' * (len(used) > 1)} let light through ({named}"
+        f"{', ...' * (len(used) > 3)}): use method frustum, or take every surface as solid (Scene.opaque(), --opaque)"
+    )

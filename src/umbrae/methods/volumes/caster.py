@@ -22,7 +22,7 @@ from umbrae.gl.timers import stage
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.memory import require
-from umbrae.methods.method import Caster
+from umbrae.methods.method import Caster, require_solid
 from umbrae.methods.volumes.eye import contour_vertices, count_at_eye, crossed_caps, light_spread
 from umbrae.methods.volumes.mesh import volume_mesh
 from umbrae.methods.volumes.method import DETERMINISM, SilhouetteMethod, VolumeMethod
@@ -72,13 +72,12 @@ class VolumeCaster(Caster):
     """
 
     def __init__(self, scene: Scene, method: VolumeMethod, clock: Clock | None) -> None:
+        require_solid(scene, method.name)
         clock = clock or Clock()
         self.scene, self.method = scene, method
         self.session: Session = session()
         with clock.span("weld"):
             self.mesh = volume_mesh(scene)
-        materials = np.array([material.alpha_mode != "OPAQUE" for material in scene.materials])
-        self._see_through = materials[scene.material_id][self.mesh.source]
         # The last entry, -1, is background's, whose triangle is -1 as well.
         self._own_cap = np.append(self.mesh.cap_of, np.int32(-1))
         self._normals = facet_normals(scene.positions, scene.triangles)
@@ -286,9 +285,7 @@ class VolumeCaster(Caster):
         world_to_clip[:, 3] *= mesh.scale
         # Room for rounding at the near plane, and two pixels for samples off a pixel's centre.
         near, slack = 1.001 * camera.near * mesh.scale, 1e-3 + 2.0 / min(camera.width, camera.height)
-        crossed = crossed_caps(
-            mesh.positions, mesh.triangles, self._see_through, at_contour, world_to_clip, near, slack
-        )
+        crossed = crossed_caps(mesh.positions, mesh.triangles, at_contour, world_to_clip, near, slack)
         return np.flatnonzero(crossed if casting is None else crossed & casting).astype(np.int32)
 
     def _draw_depth(self, target: CountTarget, frame: Frame, samples: ViewSamples, start: int) -> None:

@@ -4,11 +4,11 @@ The counter starts at the number of volumes that hold the eye. Every view ray st
 whole picture. It is right as long as the eye that OpenGL computes with, rounded to float32, lies in the same volumes:
 that is, farther from all their faces than the rounding.
 
-A light cap is a triangle of the scene, so no ray crosses one on its way to what it sees: caps need not be drawn. Three
-kinds are exceptions: surfaces with holes, what lies nearer than the near plane, and triangles at a contour. The latter
-because the rasterizer moves vertices to its subpixel grid, so a volume may reach over a pixel's centre that the ray
-of the exact sample misses; the ray then enters through a side and leaves through the cap. Away from contours, where as
-many triangles lie on one side of each edge as on the other, the ray meets the neighbour instead.
+A light cap is a triangle of the scene, so no ray crosses one on its way to what it sees: caps need not be drawn. Two
+kinds are exceptions: what lies nearer than the near plane, and triangles at a contour. The latter because the
+rasterizer moves vertices to its subpixel grid, so a volume may reach over a pixel's centre that the ray of the exact
+sample misses; the ray then enters through a side and leaves through the cap. Away from contours, where as many
+triangles lie on one side of each edge as on the other, the ray meets the neighbour instead.
 """
 
 from typing import NamedTuple
@@ -119,7 +119,6 @@ def contour_vertices(
 def crossed_caps(
     positions: NDArray[np.float32],
     triangles: NDArray[np.int32],
-    wanted: NDArray[np.bool_],
     at_contour: NDArray[np.bool_],
     world_to_clip: NDArray[np.float64],
     near: float,
@@ -127,12 +126,12 @@ def crossed_caps(
 ) -> NDArray[np.bool_]:
     """`(t,)` the triangles whose caps a view ray may cross.
 
-    Those that are `wanted (t,)` anyway, touch a vertex `at_contour (v,)`, or reach before the `near` plane; unless they
-    lie outside of the picture, by more than `slack` as a share of it.
+    Those that touch a vertex `at_contour (v,)`, or reach before the `near` plane; unless they lie outside of the
+    picture, by more than `slack` as a share of it.
     """
     crossed = np.zeros(len(triangles), bool)
     chunks = _chunks(len(triangles))
-    arrays = positions, triangles, wanted, at_contour, world_to_clip
+    arrays = positions, triangles, at_contour, world_to_clip
     run(lambda i: _crossed(*arrays, near, slack, *chunks[i], crossed), len(chunks))
     return crossed
 
@@ -170,9 +169,9 @@ def _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, start, stop, m
 
 
 @kernel
-def _crossed(positions, triangles, wanted, at_contour, world_to_clip, near, slack, start, stop, crossed):
+def _crossed(positions, triangles, at_contour, world_to_clip, near, slack, start, stop, crossed):
     for t in range(start, stop):
-        chosen = wanted[t]
+        chosen = False
         left, right, below, above, behind = True, True, True, True, True
         for k in range(3):
             v = triangles[t, k]
