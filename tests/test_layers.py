@@ -19,7 +19,7 @@ LAYERS = [
     {"arguments", "outputs", "info", "show", "warmup"},
     {"console"},
     {"render", "models", "sun"},
-    {"methods", "shade", "verify"},
+    {"methods", "shade", "verify", "antialiasing"},
     {"sampling"},
     {"files"},
     {"formats"},
@@ -37,6 +37,7 @@ STRANGERS = {
 }
 SIDEWAYS = {
     ("verify", "methods"),
+    ("antialiasing", "methods"),
     ("parallel", "clock"),
     *((noun, other) for noun in NOUNS for other in NOUNS),
 }

@@ -178,7 +178,9 @@ def _write_out(tree: SampleTree, ids: NDArray[np.int32], in_shadow: NDArray[np.b
 
 def _including(bounds: NDArray[np.float64], samples: ViewSamples) -> NDArray[np.float64]:
     """The scene's bounds `(2, 3)`, widened to the samples where some are free points."""
-    if samples.camera is not None or (samples.triangle >= 0).all():
+    if samples.depth is not None or (samples.triangle >= 0).all():
         return bounds
-    points = samples.position.reshape(-1, 3)
+    points = samples.position[samples.covered]
+    if len(points) == 0:
+        return bounds
     return np.stack([np.minimum(bounds[0], points.min(axis=0)), np.maximum(bounds[1], points.max(axis=0))])
