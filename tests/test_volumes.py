@@ -209,3 +209,19 @@ def test_a_camera_far_from_where_its_samples_were_taken_is_another_picture():
     wider = dataclasses.replace(samples, camera=dataclasses.replace(samples.camera, width=41))
     with pytest.raises(InputError, match="whole picture"):
         um.shadow(soup.scene, Light.point((3, 9, 2)), wider, method="silhouette-ts")
+
+
+@pytest.mark.parametrize("method", ["silhouette-cpu", "silhouette-ts", "triangle-gs"])
+def test_each_update_of_a_stencil_is_a_step_of_one(method):
+    soup = SOUPS["wall_on_ground"]
+    light, samples = Light.point((3, 9, 2)), image_samples(soup.scene, soup)
+    updates = {}
+    for counting in ("zpass", "zfail"):
+        caster = METHODS[method](counting=counting, counter="stencil").prepare(soup.scene)
+        stats = caster.shadow(light, samples).stats
+        # Steps up less steps down; the others cancel in pairs.
+        steps = int(caster.count(light, samples).sum()) - stats["volumes_at_eye"] * samples.size
+        updates[counting] = stats["counter_updates"]
+        assert steps != 0 and updates[counting] >= abs(steps)
+        assert (updates[counting] - steps) % 2 == 0
+    assert updates["zpass"] != updates["zfail"]

@@ -1,1 +1,1 @@
-"""OpenGL 4.5 without a window: context, programs, targets, state, timers. Knows no noun."""
+"""OpenGL 4.5 without a window: context, programs, targets, state, queries. Knows no noun."""

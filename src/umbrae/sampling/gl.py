@@ -22,9 +22,9 @@ from umbrae.camera import Camera
 from umbrae.clock import Clock
 from umbrae.gl.context import Session, session
 from umbrae.gl.program import apply, program
+from umbrae.gl.queries import stage
 from umbrae.gl.state import see_nearest
 from umbrae.gl.targets import id_target
-from umbrae.gl.timers import stage
 from umbrae.parallel import kernel, run
 from umbrae.projection import camera_uniforms, unit_scale
 from umbrae.samples import ViewSamples

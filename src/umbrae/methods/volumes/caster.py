@@ -16,9 +16,9 @@ from umbrae.errors import InputError, OptionError
 from umbrae.geometry.normals import facet_normals
 from umbrae.gl.context import Session, session
 from umbrae.gl.program import apply, program
+from umbrae.gl.queries import samples_passed, stage
 from umbrae.gl.state import count_faces, push_back, write_depth
 from umbrae.gl.targets import CountTarget, count_target
-from umbrae.gl.timers import stage
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.memory import require
@@ -225,20 +225,23 @@ class VolumeCaster(Caster):
         target = count_target(current, camera.width, camera.height, self.stencil)
         with stage(current, clock, "extract"):
             stats = self.extract(frames[0], clock)
+        updates = 0
         for sample, frame in enumerate(frames):
             part = samples if len(samples.shape) == 2 else _part(samples, sample)
             with stage(current, clock, "depth"):
                 self._draw_depth(target, frame, part, start)
             count_faces(current, target, behind)
-            with stage(current, clock, "sides"):
-                self.draw_sides(frame, part)
-            if len(capped):
-                with stage(current, clock, "caps"):
-                    push_back(current, bits)
-                    self._draw_caps(frame, part, capped)
+            with samples_passed(current) as passed:
+                with stage(current, clock, "sides"):
+                    self.draw_sides(frame, part)
+                if len(capped):
+                    with stage(current, clock, "caps"):
+                        push_back(current, bits)
+                        self._draw_caps(frame, part, capped)
+            updates += passed[0]
             with clock.span("read"):
                 count[..., sample] = target.read()
-        return {**stats, "zfail": int(behind), "volumes_at_eye": start, "caps": len(capped)}
+        return {**stats, "zfail": int(behind), "volumes_at_eye": start, "caps": len(capped), "counter_updates": updates}
 
     @property
     def stencil(self) -> bool:

@@ -1,4 +1,4 @@
-"""How long a stage takes: on the GPU by a timer query, and on the wall with a finish at its end."""
+"""What OpenGL says about its work: how long a stage takes, how many samples passed the depth test."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,5 +26,24 @@ def stage(session: Session, clock: Clock, name: str) -> Iterator[None]:
         nanoseconds = gl.GLuint64(0)
         gl.glGetQueryObjectui64v(int(query[0]), gl.GL_QUERY_RESULT, nanoseconds)
         clock.record(f"gpu {name}", nanoseconds.value * 1e-9)
+    finally:
+        gl.glDeleteQueries(1, query)
+
+
+@contextmanager
+def samples_passed(session: Session) -> Iterator[list[int]]:
+    """A list that holds, afterwards, how many samples passed the depth test meanwhile: updates of a counter."""
+    gl = session.gl
+    query, found = np.zeros(1, np.uint32), list[int]()
+    gl.glGenQueries(1, query)
+    try:
+        try:
+            gl.glBeginQuery(gl.GL_SAMPLES_PASSED, query[0])
+            yield found
+        finally:
+            gl.glEndQuery(gl.GL_SAMPLES_PASSED)
+        passed = gl.GLuint64(0)
+        gl.glGetQueryObjectui64v(int(query[0]), gl.GL_QUERY_RESULT, passed)
+        found.append(int(passed.value))
     finally:
         gl.glDeleteQueries(1, query)
