@@ -51,6 +51,9 @@ Counter = Annotated[
     str | None,
     typer.Option("--counter", metavar="auto|stencil|float", help="What shadow volumes are counted in."),
 ]
+Opaque = Annotated[
+    bool, typer.Option("--opaque", help="Take every surface as solid: no holes, nothing lets light through.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No stages, no progress.")]
 

@@ -139,6 +139,8 @@ class Scene:
 
         It wants samples of its own: those of this scene may lie behind what is solid there.
         """
+        if all(material.casts_solid for material in self.materials):
+            return self
         solid = [replace(material, alpha_mode="OPAQUE", transmission=0.0) for material in self.materials]
         return Scene(
             self.positions,

@@ -36,14 +36,17 @@ class BenchScene:
     point: Callable[[], Light] | None = None
 
     def load(self, folder: Path | None) -> Scene:
-        """Make or read the scene; raises `ModelError` when the model is not in the folder."""
+        """Make or read the scene, every surface solid as rays have it.
+
+        Raises `ModelError` when the model is not in the folder.
+        """
         if not isinstance(self.source, str):
-            return self.source()
+            return self.source().opaque()
         if folder is None:
             raise ModelError(f"model {self.source} not found: no folder of models (give --models)")
         if not (folder / self.source).is_file():
             raise ModelError(f"model {self.source} not found in {folder} (give --models)")
-        return load(folder / self.source)
+        return load(folder / self.source).opaque()
 
     def camera(self, scene: Scene, width: int, height: int) -> Camera:
         """The camera of the first run."""

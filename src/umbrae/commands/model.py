@@ -8,14 +8,10 @@ from umbrae.clock import Clock
 from umbrae.console import note
 
 
-def load(model: Path, clock: Clock, written: Sequence[Path] = ()) -> um.Scene:
+def load(model: Path, clock: Clock, written: Sequence[Path] = (), opaque: bool = False) -> um.Scene:
     """Read a model; `written` are the outputs, none of which may be one of its textures."""
     scene = um.load(model, clock, written)
-    used = {scene.materials[index] for index in set(scene.material_id.tolist())}
-    soft = sum(not material.casts_solid for material in used)
-    if soft:
-        note(f"{soft} alpha-masked or transparent material{'s' * (soft > 1)}: casting solid shadows for now")
-    return scene
+    return scene.opaque() if opaque else scene
 
 
 def note_if_nothing_is_seen(samples: um.ViewSamples) -> None:

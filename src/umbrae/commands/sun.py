@@ -23,6 +23,7 @@ from umbrae.options import (
     Json,
     MethodName,
     Model,
+    Opaque,
     Quiet,
     SizeOption,
     Target,
@@ -65,6 +66,7 @@ def sun(
     fov: Fov = 50.0,
     samples_per_pixel: Annotated[int, typer.Option(metavar="N", help="For smooth edges: 1, 4, 9, ...")] = 4,
     method: MethodName = "frustum",
+    opaque: Opaque = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -89,7 +91,7 @@ def sun(
             f"--size: wanted more than {size.height - view.height} pixels of height, which the legend takes"
         )
 
-    scene = load(model, clock, paths)
+    scene = load(model, clock, paths, opaque)
     if not (as_json or quiet):
         note(f"{date}, times in {zone}: the sun is above the horizon for {sky.possible_hours:.1f} hours")
     camera = arguments.camera(scene, view, eye, target, up, fov) if pictures else None
