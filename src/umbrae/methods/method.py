@@ -27,9 +27,8 @@ class Caster(ABC):
 class Method(ABC):
     """A shadow algorithm. Its dataclass fields are its options, its docstring is its manual page.
 
-    `engine` is what it runs on, "CPU" or "OpenGL". `accepts` is what it takes: whole "pictures" with the camera that
-    sees them, "points" of any shape, and "transparency": scenes whose casters let light through, which `prepare` of all
-    other methods refuses.
+    `engine` is what it runs on, "CPU" or "OpenGL". `accepts` are the kinds of samples that it takes: whole "pictures"
+    with the camera that sees them, "points" of any shape.
     """
 
     name: ClassVar[str]

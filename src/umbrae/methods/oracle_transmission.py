@@ -164,8 +164,8 @@ def _color(
         tints = scene.colors[vertices].astype(np.float64)
         color *= _between(tints, weights)
         off += doubt[:, None] * np.ptp(tints, axis=1)
-    # No other factor is above 1, so that what each is off by counts at most in full; none of it where the base is zero.
-    return color, 2.0 * base * (off + _ROUNDING)
+    # No other factor is above 1, so that what each is off by counts at most in full; where the base is 0 nothing does.
+    return color, 2.0 * (base * off + _ROUNDING * np.sign(base))
 
 
 def _between(corners: _Floats, weights: _Floats) -> _Floats:
