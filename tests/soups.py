@@ -10,15 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.light import Light
+from umbrae.material import Material
 from umbrae.samples import ViewSamples, surface_positions
 from umbrae.scene import Scene
+from umbrae.transmission import transmission_of
 
 FOLDER = Path(__file__).parents[1] / "scenes"
 
 
 @dataclass(frozen=True)
 class Answer:
-    """One point, one light, and whether it lies in shadow; `triangle` is -1 for a free point."""
+    """One point, one light, and whether it lies in shadow; `triangle` is -1 for a free point.
+
+    `transmittance` is the share of light that arrives of red, green and blue.
+    """
 
     light: tuple[float, float, float, float]
     triangle: int
@@ -26,6 +31,7 @@ class Answer:
     side: int
     point: tuple[float, float, float]
     in_shadow: bool
+    transmittance: tuple[float, float, float]
     why: str
 
 
@@ -66,21 +72,40 @@ def load_soup(path: Path) -> Soup:
     single = positions.astype(np.float32)
     assert (single == positions).all(), f"{path.name}: a coordinate is no float32 number"
     # float32 on purpose: a scene far from zero must stay there
-    scene = Scene(single, triangles)
+    scene = Scene(
+        single,
+        triangles,
+        [_material(row) for row in data.get("materials", [])],
+        data.get("material_id"),
+        uv=data.get("uv"),
+        colors=data.get("colors"),
+    )
     answers = tuple(_answer(row) for row in data["answers"])
     return Soup(data["name"], data["why"], scene, answers, tuple(data["eye"]), tuple(data["target"]))
 
 
+def _material(row: dict[str, Any]) -> Material:
+    texture = row.get("texture")
+    return Material(**{**row, "texture": None if texture is None else np.array(texture, np.uint8)})
+
+
 def _answer(row: dict[str, Any]) -> Answer:
+    dark = row["in_shadow"]
+    transmittance = tuple(row.get("transmittance", (0.0, 0.0, 0.0) if dark else (1.0, 1.0, 1.0)))
+    assert dark == (not any(transmittance)), f"{row['why']}: it is dark where no light of any colour arrives"
     return Answer(
         light=tuple(row["light"]),
         triangle=row.get("triangle", -1),
         barycentric=tuple(row.get("barycentric", (0.0, 0.0))),
         side=row.get("side", 0),
         point=tuple(row.get("point", (0.0, 0.0, 0.0))),
-        in_shadow=row["in_shadow"],
+        in_shadow=dark,
+        transmittance=transmittance,
         why=row["why"],
     )
 
 
 SOUPS: dict[str, Soup] = {path.stem: load_soup(path) for path in sorted(FOLDER.glob("*.json"))}
+
+TRANSPARENT = {name for name, soup in SOUPS.items() if transmission_of(soup.scene) is not None}
+"""Those whose casters let light through."""

@@ -1,9 +1,12 @@
 """Masks that are wrong on purpose: what the band excuses, and what it does not."""
 
+import json
+
 import numpy as np
 import pytest
 
-from umbrae import Guarantee, InputError, Light, Scene, ShadowMask, ViewSamples, verify
+import umbrae as um
+from umbrae import Guarantee, InputError, Light, Material, Scene, ShadowMask, ViewSamples, cli, verify
 from umbrae.methods.oracle import Oracle
 from umbrae.verify import Truth
 
@@ -118,3 +121,164 @@ def test_a_banded_mask_needs_its_band(band, message):
         verify(PRISM, ZENITH, samples, ShadowMask(np.zeros(2, bool), Guarantee.BANDED, band))
     assert "\n" not in str(caught.value)
     verify(PRISM, ZENITH, samples, ShadowMask(np.zeros(2, bool), Guarantee.EXACT, band))
+
+
+# Casters that let light through
+
+PANE = Scene(PRISM.positions, PRISM.triangles, Material((1, 1, 1, 0.5), "BLEND"))
+"""As `PRISM`, and half the light passes."""
+BELOW = ViewSamples.points([(0.25, -7, 1), (0.5, 0, 0.5), (-0.25, -7, 1), (9, 9, 9)])
+SHARES = np.repeat(np.float32([0.5, 0.5, 1, 1])[:, None], 3, axis=1)
+
+
+def shared(partial, tolerance=1e-5, guarantee=Guarantee.EXACT, band=None, in_shadow=None):
+    """A mask with shares of light."""
+    partial = np.asarray(partial, np.float32)
+    in_shadow = (partial == 0).all(axis=-1) if in_shadow is None else np.asarray(in_shadow)
+    return ShadowMask(in_shadow, guarantee, band, partial=partial, tolerance=tolerance)
+
+
+def test_shares_of_light_may_be_off_by_the_tolerance():
+    truth = Truth.find(PANE, ZENITH, BELOW)
+    np.testing.assert_array_equal(truth.transmittance, SHARES)
+    assert Truth.find(PRISM, ZENITH, BELOW).transmittance is None
+    exact = truth.judge(Oracle().prepare(PANE).shadow(ZENITH, BELOW))
+    assert (exact.mismatches, exact.worst_transmittance) == (0, 0.0)
+    off = SHARES.copy()
+    off[1, 2] += 2.0**-12
+    for tolerance, wrong in ((2.0**-12, []), (2.0**-12.1, [1]), (0.0, [1])):
+        verdict = truth.judge(shared(off, tolerance))
+        assert verdict.wrong.tolist() == wrong and verdict.ok == (not wrong)
+        assert verdict.worst_transmittance == 2.0**-12
+    # Half a triangle's height away from its sides.
+    np.testing.assert_allclose(truth.judge(shared(off)).margin, truth.caster.margin(ZENITH, BELOW, truth.in_shadow)[1])
+
+
+def test_a_mask_that_knows_dark_and_lit_only_is_wrong_below_a_pane():
+    for dark in (True, False):
+        in_shadow = np.array([dark, dark, False, False])
+        verdict = verify(PANE, ZENITH, BELOW, ShadowMask(in_shadow, Guarantee.EXACT))
+        assert verdict.wrong.tolist() == [0, 1] and verdict.worst_transmittance == 0.5
+
+
+def test_the_right_share_does_not_excuse_the_wrong_verdict():
+    verdict = verify(PANE, ZENITH, BELOW, shared(SHARES, in_shadow=[True, False, False, False]))
+    assert verdict.wrong.tolist() == [0] and verdict.worst_transmittance == 0
+    # A trace of light is light, whatever the tolerance.
+    dim = Scene(PANE.positions, PANE.triangles, Material((1, 1, 1, 1 - 1e-4), "BLEND"))
+    traces = Oracle().prepare(dim).shadow(ZENITH, BELOW).transmittance
+    assert 0 < traces[0, 0] < 1e-3
+    verdict = verify(dim, ZENITH, BELOW, shared(traces, 1e-3, in_shadow=[True, True, False, False]))
+    assert verdict.wrong.tolist() == [0, 1]
+
+
+def test_shares_in_a_solid_scene_are_all_or_nothing():
+    right = Oracle().prepare(PRISM).shadow(ZENITH, BELOW)
+    assert verify(PRISM, ZENITH, BELOW, right).worst_transmittance == 0
+    off = right.transmittance.copy()
+    off[3] = 0.75
+    verdict = verify(PRISM, ZENITH, BELOW, shared(off))
+    assert verdict.wrong.tolist() == [3] and verdict.worst_transmittance == 0.25
+
+
+def test_wrong_shares_are_excused_within_the_band_alone():
+    off = np.full((4, 3), 1, np.float32)
+    verdict = verify(PANE, ZENITH, BELOW, shared(off, 0.0, Guarantee.BANDED, np.float32([0.25, 0.25, 0.25, 0.25])))
+    assert (verdict.mismatches, verdict.inside_band, verdict.outside_band) == (2, 1, 1)
+    assert verdict.worst_transmittance == 0.5
+
+
+def test_at_a_cut_off_either_verdict_is_right():
+    # Alpha is 0 and 1 at the texels' centres, x = 1/2 and 3/2, and 1/2 half-way.
+    texture = np.array([[(0, 0, 0, 0), (0, 0, 0, 255)]], np.uint8)
+    uv = [(0, 0), (1, 0), (0, 1)]
+    card = Scene(PRISM.positions, PRISM.triangles, Material((1, 1, 1, 1), "MASK", texture=texture), uv=uv)
+    samples = ViewSamples.points([(1, 0, 0.25), (0.5, 0, 0.25), (1.5, 0, 0.25)])
+    for share in (0, 1):
+        partial = np.repeat(np.float32([share, 1, 0])[:, None], 3, axis=1)
+        assert verify(card, ZENITH, samples, shared(partial, 0.0)).mismatches == 0
+        assert verify(card, ZENITH, samples, shared(1 - partial, 0.0)).wrong.tolist() == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("partial", "tolerance", "message"),
+    [
+        (SHARES, 1.1e-3, r"mask.tolerance: wanted a number in \[0, 0.001\], got 0.0011"),
+        (SHARES, -1e-9, "mask.tolerance: wanted a number"),
+        (SHARES, np.nan, "mask.tolerance: wanted a finite number"),
+        (SHARES[:, 0], 0.0, r"mask.partial: wanted \(4, 3\) float32, got \(4,\) float32"),
+        (SHARES.astype(np.float64), 0.0, r"mask.partial: wanted \(4, 3\) float32, got \(4, 3\) float64"),
+        (SHARES + 1, 0.0, r"mask.partial: wanted numbers in \[0, 1\], got 1.5 to 2"),
+        (SHARES * np.float32(np.nan), 0.0, r"mask.partial: wanted numbers in \[0, 1\]"),
+        (SHARES.tolist(), 0.0, "mask.partial: wanted ndarray, got list"),
+    ],
+)
+def test_a_mask_does_not_excuse_itself(partial, tolerance, message):
+    mask = ShadowMask(np.zeros(4, bool), Guarantee.EXACT, partial=partial, tolerance=tolerance)
+    with pytest.raises(InputError, match=message) as caught:
+        verify(PANE, ZENITH, BELOW, mask)
+    assert "\n" not in str(caught.value)
+
+
+class AlmostRight(Oracle):
+    """Off by half its tolerance, and as much again where it is asked to be wrong."""
+
+    name = "almost-right"
+    off = 5e-4
+
+    def prepare(self, scene, clock=None):
+        caster = super().prepare(scene, clock)
+
+        def shadow(light, samples, clock=None):
+            mask = Oracle().prepare(scene).shadow(light, samples, clock)
+            partial = np.where(mask.in_shadow[..., None], 0, np.clip(mask.transmittance, self.off, 1) - self.off)
+            return shared(partial, 1e-3, in_shadow=mask.in_shadow)
+
+        caster.shadow = shadow
+        return caster
+
+
+class SolidOnly(AlmostRight):
+    name = "solid-only"
+
+    def prepare(self, scene, clock=None):
+        if len(scene.triangles) == 4:  # but not the warm-up's
+            raise InputError("casters let light through")
+        return super().prepare(scene, clock)
+
+
+def test_the_command_line_names_the_worst_share(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    floor = [(-2, 0, 2), (2, 0, 2), (2, 0, -2), (-2, 0, -2)]
+    roof = [(-1, 1, 1), (1, 1, 1), (1, 1, -1), (-1, 1, -1)]
+    pane = Material((1, 1, 1, 0.5), "BLEND")
+    faces = [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)]
+    um.save(Scene(floor + roof, faces, [Material(), pane], [0, 0, 1, 1]), "pane.glb")
+    um.save(Scene(floor + roof, faces), "roof.glb")
+    for name in list(um.METHODS):
+        if name != "oracle":
+            monkeypatch.delitem(um.METHODS, name)
+    for method in (AlmostRight, SolidOnly):
+        monkeypatch.setitem(um.METHODS, method.name, method)
+    texts = ["--size", "64x36", "--count", "500", "--sun", "120,40", "--method"]
+
+    def out(model, method, *more, status=0):
+        assert cli.run(["verify", model, *texts, method, *more]) == status
+        return capsys.readouterr().out
+
+    assert out("pane.glb", "almost-right").endswith("worst margin 0, light off by 0.0005 at most\n")
+    assert out("pane.glb", "oracle").endswith("light off by 0 at most\n")
+    assert "light off" not in out("roof.glb", "almost-right")
+    _, _, heads, almost, solid = out("pane.glb", "all").splitlines()
+    assert heads.split() == ["method", "guarantee", "band", "band", "off", "margin", "seconds"]
+    assert almost.split()[:5] == ["almost-right", "exact", "0", "0", "0.0005"]
+    assert solid == "not judged: solid-only: casters let light through"
+    (light,) = json.loads(out("pane.glb", "all", "--json"))["lights"]
+    first, second = light["methods"]
+    assert first["worst_transmittance"] == pytest.approx(5e-4, rel=1e-3) and first["mismatches"] == 0
+    assert second["reason"] == "casters let light through" and "worst_transmittance" not in second
+    (light,) = json.loads(out("roof.glb", "almost-right", "--json"))["lights"]
+    assert "worst_transmittance" not in light
+    monkeypatch.setattr(AlmostRight, "off", 2e-3)
+    (light,) = json.loads(out("pane.glb", "almost-right", "--json", status=1))["lights"]
+    assert light["outside_band"] > 0 and light["worst_transmittance"] == pytest.approx(2e-3, rel=1e-3)

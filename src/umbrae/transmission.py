@@ -78,11 +78,13 @@ def transmission_of(scene: Scene) -> Transmission | None:
     for index, material in enumerate(materials):
         kind_of[index], even[index] = _alone(material)
     kind = kind_of[scene.material_id]
-    if scene.colors is not None:
-        # What vertex colours change: nothing where they are white.
-        matters = np.array([not material.casts_solid for material in materials])[scene.material_id]
-        tinted = (scene.colors[scene.triangles] != 1).any(axis=(1, 2)) if matters.any() else matters
-        kind[matters & tinted & (kind != CLEAR)] = VARYING
+    if scene.colors is not None and any(not material.casts_solid for material in materials):
+        # Vertex colours can only lower: alpha where it counts and something is there, colour where some of it passes.
+        corners = scene.colors[scene.triangles]
+        blends = np.array([material.alpha_mode != "OPAQUE" for material in materials])[scene.material_id]
+        tints = np.array([material.transmission > 0.0 for material in materials])[scene.material_id]
+        fades = blends & (kind != CLEAR) & (corners[..., 3] != 1).any(axis=1)
+        kind[fades | (tints & (kind != SOLID) & (corners[..., :3] != 1).any(axis=(1, 2)))] = VARYING
     if (kind == SOLID).all():
         return None
     textured = np.array([material.texture is not None for material in materials])

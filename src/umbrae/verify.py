@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.checks import instance, whole
+from umbrae.checks import instance, number, whole
 from umbrae.clock import Clock
 from umbrae.errors import InputError
 from umbrae.geometry.volume_faces import face_distance, facing_of_all
@@ -19,6 +19,9 @@ from umbrae.scene import Scene
 _NEARLY_EDGE_ON = 1e-3
 """Radians between the own triangle's plane and the light; only the naming of mismatches depends on it."""
 
+_MOST_TOLERANCE = 1e-3
+"""No mask may ask for more: a quarter of a step of 8 bits, which no picture shows."""
+
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
@@ -29,7 +32,8 @@ class Verdict:
     checked
         Number of samples compared.
     mismatches
-        How many differ, inside the band or outside.
+        How many differ, inside the band or outside: in whether any light arrives, or in the share that does, in any
+        colour channel, by more than the mask's tolerance.
     outside_band, inside_band
         The two parts of `mismatches`. A mask whose guarantee is not `BANDED` has all of them outside.
     wrong
@@ -43,6 +47,9 @@ class Verdict:
         How many mismatches are of which kind, for a `BANDED` mask; empty for any other. "facing away": the own
         triangle is edge-on to the light, within a thousandth of a radian, or it shades the sample itself while the
         mask says lit. "boundary": all others.
+    worst_transmittance
+        The most by which the share of light is off in any channel, over all samples compared; 0 where all casters are
+        solid.
     """
 
     checked: int
@@ -52,6 +59,7 @@ class Verdict:
     wrong: NDArray[np.intp]
     margin: NDArray[np.float32]
     classes: Mapping[str, int] = field(default_factory=dict)
+    worst_transmittance: float = 0.0
 
     @property
     def ok(self) -> bool:
@@ -74,6 +82,11 @@ class Truth:
         `(n,)` flat indices of the samples that were asked about, ascending.
     in_shadow
         `(n,) bool` the oracle's verdicts.
+    transmittance
+        `(n, 3) float32` the share of light that arrives per colour channel; None where all casters are solid.
+    lowest, highest
+        `(n, 3) float32` between what it lies, as far as float64 can tell (`methods.oracle.Decided`); all that lies
+        between is right. None as above.
     """
 
     scene: Scene
@@ -82,6 +95,9 @@ class Truth:
     chosen: NDArray[np.intp]
     in_shadow: NDArray[np.bool_]
     caster: OracleCaster
+    transmittance: NDArray[np.float32] | None = None
+    lowest: NDArray[np.float32] | None = None
+    highest: NDArray[np.float32] | None = None
 
     @classmethod
     def find(
@@ -105,22 +121,39 @@ class Truth:
         if count is not None and count < len(chosen):
             chosen = np.sort(np.random.default_rng(seed).choice(chosen, count, replace=False))
         caster = Oracle().prepare(scene)
-        in_shadow = caster.shadow(light, samples.take(chosen), clock).in_shadow
-        return cls(scene, light, samples, chosen, in_shadow, caster)
+        mask, lowest, highest = caster.decide(light, samples.take(chosen), clock)
+        return cls(scene, light, samples, chosen, mask.in_shadow, caster, mask.partial, lowest, highest)
 
     def judge(self, mask: ShadowMask) -> Verdict:
         """Compare a mask of these samples with the truth."""
         band = _checked_band(mask, self.samples)
-        differ = np.flatnonzero(self.in_shadow != mask.in_shadow.reshape(-1)[self.chosen])
+        differs, worst = self._compare(mask)
+        differ = np.flatnonzero(differs)
         wrong = self.chosen[differ]
         mistaken = self.samples.take(wrong)
         if band is None:
             margin = self.caster.margin(self.light, mistaken, self.in_shadow[differ])
-            return Verdict(len(self.chosen), len(wrong), len(wrong), 0, wrong, margin)
+            return Verdict(len(self.chosen), len(wrong), len(wrong), 0, wrong, margin, {}, worst)
         margin = _distance_to_faces(self.scene, self.light, mistaken, mask.inner_faces)
         inside = int((margin <= band.reshape(-1)[wrong]).sum())
         classes = _classes(self.scene, self.light, mistaken)
-        return Verdict(len(self.chosen), len(wrong), len(wrong) - inside, inside, wrong, margin, classes)
+        return Verdict(len(self.chosen), len(wrong), len(wrong) - inside, inside, wrong, margin, classes, worst)
+
+    def _compare(self, mask: ShadowMask) -> tuple[NDArray[np.bool_], float]:
+        """`(n,)` where a mask is wrong, and by how much light at most."""
+        in_shadow = mask.in_shadow.reshape(-1)[self.chosen]
+        if self.lowest is None or self.highest is None:
+            differs = in_shadow != self.in_shadow
+            if mask.partial is None:
+                return differs, 0.0
+            lowest = highest = np.where(self.in_shadow, np.float32(0), np.float32(1))[:, None]
+        else:
+            lowest, highest = self.lowest, self.highest
+            # Either is right where float64 cannot tell a trace of light from none.
+            differs = np.where(in_shadow, (lowest > 0).any(axis=1), (highest == 0).all(axis=1))
+        found = mask.transmittance.reshape(-1, 3)[self.chosen].astype(np.float64)
+        off = np.maximum(np.maximum(lowest - found, found - highest), 0.0).max(axis=1)
+        return differs | (off > mask.tolerance), float(off.max(initial=0.0))
 
 
 def verify(
@@ -144,8 +177,8 @@ def verify(
     Raises
     ------
     InputError
-        If mask or band and samples differ in shape, the samples were made for another scene, or `count` is not
-        positive.
+        If mask or band and samples differ in shape, the mask holds shares of light outside [0, 1] or asks for a
+        tolerance above a thousandth, the samples were made for another scene, or `count` is not positive.
     """
     # Before the work, not after it.
     instance(samples, ViewSamples, "verify: samples")
@@ -158,6 +191,17 @@ def _checked_band(mask: ShadowMask, samples: ViewSamples) -> NDArray[np.float32]
     instance(mask, ShadowMask, "verify: mask")
     if mask.in_shadow.shape != samples.shape:
         raise InputError(f"verify: mask has shape {mask.in_shadow.shape}, samples have {samples.shape}")
+    if not 0.0 <= number(mask.tolerance, "verify: mask.tolerance") <= _MOST_TOLERANCE:
+        raise InputError(f"verify: mask.tolerance: wanted a number in [0, {_MOST_TOLERANCE}], got {mask.tolerance}")
+    if mask.partial is not None:
+        instance(mask.partial, np.ndarray, "verify: mask.partial")
+        wanted = (*samples.shape, 3)
+        if mask.partial.shape != wanted or mask.partial.dtype != np.float32:
+            got = f"{mask.partial.shape} {mask.partial.dtype}"
+            raise InputError(f"verify: mask.partial: wanted {wanted} float32, got {got}")
+        if not ((mask.partial >= 0) & (mask.partial <= 1)).all():
+            low, high = float(mask.partial.min()), float(mask.partial.max())
+            raise InputError(f"verify: mask.partial: wanted numbers in [0, 1], got {low:g} to {high:g}")
     if mask.guarantee is not Guarantee.BANDED:
         return None
     if not isinstance(mask.band, np.ndarray):

@@ -40,13 +40,17 @@ EVERY, JUDGE = "all", "oracle"
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What became of a method under one light: a verdict on its mask, or the reason why there is none."""
+    """What became of a method under one light: a verdict on its mask, or the reason why there is none.
+
+    `shares` says whether casters let light through, so that masks hold shares of it.
+    """
 
     method: Method
     seconds: float
     guarantee: um.Guarantee
     verdict: um.Verdict | None
     reason: str | None = None
+    shares: bool = False
 
     @property
     def broken(self) -> bool:
@@ -57,7 +61,9 @@ class Outcome:
         """For JSON: the verdict's numbers, or the reason."""
         if self.verdict is None:
             return {"reason": self.reason}
-        names = ("checked", "mismatches", "outside_band", "inside_band", "worst_margin")
+        names = ["checked", "mismatches", "outside_band", "inside_band", "worst_margin"]
+        if self.shares:
+            names.append("worst_transmittance")
         return {name: getattr(self.verdict, name) for name in names} | {"classes": dict(self.verdict.classes)}
 
 
@@ -113,10 +119,11 @@ def verify(
     else:
         for one, (outcome,) in zip(lights, judged, strict=True):
             assert outcome.verdict is not None
+            light_off = f", light off by {outcome.verdict.worst_transmittance:.2g} at most" if outcome.shares else ""
             print(
                 f"{_place(scene, one)}: {outcome.verdict.checked:,} samples, {outcome.verdict.outside_band:,} wrong "
                 f"outside the band, {outcome.verdict.inside_band:,} inside, "
-                f"worst margin {outcome.verdict.worst_margin:.3g}"
+                f"worst margin {outcome.verdict.worst_margin:.3g}{light_off}"
             )
     if any(outcome.broken for outcomes in judged for outcome in outcomes):
         raise typer.Exit(1)
@@ -144,7 +151,8 @@ def _outcome(method: Method, truth: Truth, hindrance: Exception | None, every: b
         if not every:
             raise
         return Outcome(method, clock.spans[-1][1], method.guarantee, None, one_line(str(error)))
-    return Outcome(method, clock.spans[-1][1], mask.guarantee, truth.judge(mask))
+    seconds, verdict = clock.spans[-1][1], truth.judge(mask)
+    return Outcome(method, seconds, mask.guarantee, verdict, shares=truth.transmittance is not None)
 
 
 def _place(scene: um.Scene, light: um.Light) -> str:
@@ -162,7 +170,8 @@ def _print_table(place: str, outcomes: list[Outcome]) -> None:
     rows = Table(box=None, pad_edge=False, collapse_padding=True)
     rows.add_column("method", no_wrap=True)
     rows.add_column("guarantee", no_wrap=True)
-    for name in ("outside band", "inside band", *classes, "worst margin", "seconds"):
+    shares = ["light off"] if any(outcome.shares for outcome, _ in verdicts) else []
+    for name in ("outside band", "inside band", *classes, *shares, "worst margin", "seconds"):
         rows.add_column(name.replace(" ", "\n", 1), justify="right", vertical="bottom")
     for outcome, verdict in verdicts:
         rows.add_row(
@@ -171,6 +180,7 @@ def _print_table(place: str, outcomes: list[Outcome]) -> None:
             f"{verdict.outside_band:,}",
             f"{verdict.inside_band:,}",
             *(f"{verdict.classes[name]:,}" if name in verdict.classes else "" for name in classes),
+            *(f"{verdict.worst_transmittance:.2g}" for _ in shares),
             f"{verdict.worst_margin:.2g}",
             f"{outcome.seconds:.2f}",
         )

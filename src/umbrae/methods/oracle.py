@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,16 @@ from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.method import Caster, Method
 from umbrae.methods.oracle_filter import decide_chunk, margin_chunk
+from umbrae.methods.oracle_transmission import Product
 from umbrae.parallel import run
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
+from umbrae.transmission import SOLID, transmission_of
 
 _CHUNK = 4096
+
+_ROOM = 1 << 14
+"""Pairs of sample and triangle that a thread holds at a time; in larger scenes as many as there are triangles."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +33,9 @@ class Oracle(Method):
     mistakes: determinants are formed around the sample instead of around a vertex (`oracle_filter`), and exact signs
     come from `fractions.Fraction`. A conservative box tree (`tree = True`) leaves out triangles that the segment from
     the sample to the light cannot meet; `tree = False` asks all of them.
+
+    Where casters let light through, all of them are collected and their shares multiplied up in float64
+    (`oracle_transmission`); `OracleCaster.decide` also says between what the result lies.
     """
 
     tree: bool = True
@@ -35,9 +43,22 @@ class Oracle(Method):
     name: ClassVar[str] = "oracle"
     paper: ClassVar[str] = "the definition itself"
     guarantee: ClassVar[Guarantee] = Guarantee.EXACT
+    accepts: ClassVar[tuple[str, ...]] = ("pictures", "points", "transparency")
 
     def prepare(self, scene: Scene, clock: Clock | None = None) -> "OracleCaster":
         return OracleCaster(scene, self.tree)
+
+
+class Decided(NamedTuple):
+    """A mask, and `(..., 3) float32` between what its shares of light lie; None where all casters are solid.
+
+    The two differ where a texture or vertex colours decide and float64 cannot say more: by about 1e-12, or by the whole
+    share of a triangle where alpha is that near to the cut-off of alpha mode MASK.
+    """
+
+    mask: ShadowMask
+    lowest: NDArray[np.float32] | None
+    highest: NDArray[np.float32] | None
 
 
 class OracleCaster(Caster):
@@ -45,41 +66,80 @@ class OracleCaster(Caster):
 
     def __init__(self, scene: Scene, tree: bool = True) -> None:
         self.scene = scene
+        self.transmission = transmission_of(scene)
+        table = self.transmission
+        self.kind = table.kind if table is not None else np.full(len(scene.triangles), SOLID, np.uint8)
+        self.closed = self.kind == SOLID
+        if table is not None:
+            self.closed |= table.closed[table.material_id]
         self.tree = bvh.build(scene.positions, scene.triangles)
         if not tree:
             self.tree.lower[:] = -np.inf
             self.tree.upper[:] = np.inf
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
+        return self.decide(light, samples, clock).mask
+
+    def decide(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> Decided:
+        """The mask of `shadow`, and how well its shares of light are known."""
         samples.check(self.scene)
         clock = clock or Clock()
         flat = samples.take(np.flatnonzero(samples.covered.reshape(-1)))
         verdict = np.zeros(flat.size, np.int8)
-        exact = Exact(self.scene, light)
-        source = light.position.astype(np.float64)
-
-        def task(chunk: int) -> list[NDArray[np.int64]]:
-            start, stop = chunk * _CHUNK, min((chunk + 1) * _CHUNK, flat.size)
-            room = 1 << 14
-            while True:
-                pairs = np.empty((room, 2), np.int64)
-                found = decide_chunk(*self._arrays(), source, *_raw(flat), start, stop, verdict, pairs)
-                if found <= room:
-                    return [pairs[:found]]
-                room = found
-
+        product = None if self.transmission is None else Product(self.scene, self.kind, light, flat)
         with clock.span("oracle"):
-            unsure = run(task, -(-flat.size // _CHUNK), clock) if len(self.scene.triangles) else []
+            unsure = self._filter(light, flat, verdict, product, clock) if len(self.scene.triangles) else []
         with clock.span("rationals"):
             asked = 0
-            for chunk in unsure:
-                for sample, triangle in chunk[0]:
+            exact = Exact(self.scene, light)
+            for pairs in unsure:
+                through = []
+                for sample, triangle in pairs.tolist():
                     if verdict[sample] == 0:
                         asked += 1
-                        verdict[sample] = exact.shades(flat, int(sample), int(triangle))
-        in_shadow = np.zeros(samples.size, bool)
-        in_shadow[samples.covered.reshape(-1)] = verdict != 0
-        return ShadowMask(in_shadow.reshape(samples.shape), Guarantee.EXACT, stats={"predicate_fallbacks": asked})
+                        if exact.shades(flat, sample, triangle, bool(self.closed[triangle])):
+                            if self.kind[triangle] == SOLID:
+                                verdict[sample] = 1
+                            else:
+                                through.append((sample, triangle))
+                if product is not None:
+                    product.multiply(np.array(through, np.int64).reshape(-1, 2))
+        stats = {"predicate_fallbacks": asked}
+        dark = verdict != 0
+        if product is None:
+            return Decided(ShadowMask(_spread(samples, dark, False), Guarantee.EXACT, stats=stats), None, None)
+        for left in product.left:
+            left[dark] = 0.0
+        partial, lowest, highest = (_spread(samples, left.astype(np.float32), 1) for left in product.left)
+        # Background is lit.
+        in_shadow = (partial == 0).all(axis=-1)
+        return Decided(ShadowMask(in_shadow, Guarantee.EXACT, stats=stats, partial=partial), lowest, highest)
+
+    def _filter(
+        self,
+        light: Light,
+        samples: ViewSamples,
+        verdict: NDArray[np.int8],
+        product: Product | None,
+        clock: Clock,
+    ) -> list[NDArray[np.int64]]:
+        """Write verdicts and take the shares of sure casters; returns `(n, 2)` pairs that are left to rationals."""
+        source = light.position.astype(np.float64)
+        room = max(_ROOM, len(self.scene.triangles))
+
+        def task(chunk: int) -> list[NDArray[np.int64]]:
+            start, stop = chunk * _CHUNK, min((chunk + 1) * _CHUNK, samples.size)
+            unsure = []
+            pairs = np.empty((room, 3), np.int64)
+            while start < stop:
+                found, start = decide_chunk(*self._arrays(), source, *_raw(samples), start, stop, verdict, pairs)
+                sure = pairs[:found, 2] != 0
+                unsure.append(pairs[:found][~sure, :2])
+                if product is not None:
+                    product.multiply(pairs[:found][sure, :2])
+            return unsure
+
+        return [pairs for chunk in run(task, -(-samples.size // _CHUNK), clock) for pairs in chunk]
 
     def margin(
         self, light: Light, samples: ViewSamples, in_shadow: NDArray[np.bool_], clock: Clock | None = None
@@ -87,8 +147,10 @@ class OracleCaster(Caster):
         """`(...) float32` world units: a lower bound of how far each sample must move before its verdict changes.
 
         Lit samples: the distance to the nearest shadow frustum. Samples in shadow: the depth inside the frustum that
-        holds them deepest. Never more than a hundredth of the scene's extent, where looking further is not worth it;
-        so too for background and samples that their own triangle shades.
+        holds them deepest. Where casters let light through, those are solid ones; all other samples have the distance
+        to the nearest side of any frustum, so that within it the casters are the same, though not what a texture lets
+        through. Never more than a hundredth of the scene's extent, where looking further is not worth it; so too for
+        background and samples that their own triangle shades.
         """
         low, high = self.scene.bounds.astype(np.float64)
         cap = float(np.linalg.norm(high - low)) / 100.0
@@ -108,7 +170,15 @@ class OracleCaster(Caster):
         return rounded.reshape(samples.shape)
 
     def _arrays(self) -> tuple[Any, ...]:
-        return (self.scene.positions, self.scene.triangles, *self.tree)
+        return (self.scene.positions, self.scene.triangles, *self.tree, self.kind)
+
+
+def _spread(samples: ViewSamples, values: NDArray[Any], background: Any) -> NDArray[Any]:
+    """What covered samples have, in the shape of all; the others get `background`."""
+    covered = samples.covered.reshape(-1)
+    result = np.full((samples.size, *values.shape[1:]), background, values.dtype)
+    result[covered] = values
+    return result.reshape(*samples.shape, *values.shape[1:])
 
 
 def _raw(samples: ViewSamples) -> tuple[Any, ...]:

@@ -20,6 +20,7 @@ from umbrae.geometry.bvh import LEAF, STACK, segment_meets_box
 from umbrae.geometry.predicates import FILTER, filtered_determinant
 from umbrae.geometry.predicates import facing as side_of_light
 from umbrae.parallel import inline, kernel
+from umbrae.transmission import CLEAR, SOLID
 
 _FILTER = 2.0**-46 * 6.0
 
@@ -104,12 +105,16 @@ def _ask(positions, triangles, t, light, point, magnitude, work):
 
 @kernel
 def decide_chunk(
-    positions, triangles, lower, upper, order, first_leaf, light,
+    positions, triangles, lower, upper, order, first_leaf, kind, light,
     triangle, barycentric, side, free, start, stop, verdict, pairs,
 ):  # fmt: skip
-    """Set `verdict` to 1 where a triangle surely shadows; list (sample, triangle) pairs left open in `pairs`.
+    """Set `verdict` to 1 where a solid triangle surely shadows; else list in `pairs` what else there is to know.
 
-    Returns how many pairs there are, also when `pairs` has no room for all of them.
+    Rows of `pairs` are (sample, triangle, sure): triangles left open (0), and others than solid ones that surely shadow
+    (1). With a row for each triangle `pairs` has room for any sample; where there is none for the next one, the work
+    stops.
+
+    Returns how many rows there are, and the sample to go on with.
     """
     stack = np.empty(STACK, np.int64)
     work = np.empty((4, 3))
@@ -118,17 +123,18 @@ def decide_chunk(
     for sample in range(start, stop):
         own = triangle[sample]
         verdict[sample] = 0
-        if own >= 0 and side[sample] != 0:
+        begin = count
+        if own >= 0 and side[sample] != 0 and kind[own] != CLEAR:
             facing, sure = _own_facing(positions, triangles, own, light, work)
-            if sure and facing * side[sample] < 0:
+            if sure and facing * side[sample] < 0 and kind[own] == SOLID:
                 verdict[sample] = 1
                 continue
-            if not sure:
-                if count < len(pairs):
-                    pairs[count, 0], pairs[count, 1] = sample, own
+            if not sure or facing * side[sample] < 0:
+                if count == len(pairs):
+                    return begin, sample
+                pairs[count, 0], pairs[count, 1], pairs[count, 2] = sample, own, sure
                 count += 1
         magnitude = _place(positions, triangles, triangle, barycentric, free, sample, point)
-        kept = count
         depth = 1
         stack[0] = 0
         while depth > 0 and verdict[sample] == 0:
@@ -142,18 +148,19 @@ def decide_chunk(
                 continue
             for slot in range((node - first_leaf) * LEAF, (node - first_leaf + 1) * LEAF):
                 t = order[slot]
-                if t < 0 or t == own:
+                if t < 0 or t == own or kind[t] == CLEAR:
                     continue
                 answer = _ask(positions, triangles, t, light, point, magnitude, work)
-                if answer > 0:
+                if answer > 0 and kind[t] == SOLID:
                     verdict[sample] = 1
-                    count = kept
+                    count = begin
                     break
-                if answer == 0:
-                    if count < len(pairs):
-                        pairs[count, 0], pairs[count, 1] = sample, t
+                if answer >= 0:
+                    if count == len(pairs):
+                        return begin, sample
+                    pairs[count, 0], pairs[count, 1], pairs[count, 2] = sample, t, answer
                     count += 1
-    return count
+    return count, stop
 
 
 @inline
@@ -199,7 +206,7 @@ def _plane_distance(x, y, z, v0, v1, point, magnitude):
 
 @kernel
 def margin_chunk(
-    positions, triangles, lower, upper, order, first_leaf, light,
+    positions, triangles, lower, upper, order, first_leaf, kind, light,
     triangle, barycentric, side, free, start, stop, covered, in_shadow, margins,
 ):  # fmt: skip
     """Lower the entries of `margins` (a cap on entry) to each sample's margin."""
@@ -212,7 +219,7 @@ def margin_chunk(
         own = triangle[sample]
         if own >= 0 and side[sample] != 0:
             facing, _ = _own_facing(positions, triangles, own, light, work)
-            if facing * side[sample] < 0:
+            if facing * side[sample] < 0 and kind[own] == SOLID:
                 continue
         magnitude = _place(positions, triangles, triangle, barycentric, free, sample, point)
         cap = margins[sample]
@@ -222,7 +229,8 @@ def margin_chunk(
         while depth > 0:
             depth -= 1
             node = stack[depth]
-            reach = 0.0 if in_shadow[sample] else nearest
+            # A deeper one holds the sample as well.
+            reach = 0.0 if deepest > 0.0 else nearest
             if not segment_meets_box(point, light, lower, upper, node, reach + 1e-12 * magnitude):
                 continue
             if node < first_leaf:
@@ -231,11 +239,11 @@ def margin_chunk(
                 continue
             for slot in range((node - first_leaf) * LEAF, (node - first_leaf + 1) * LEAF):
                 t = order[slot]
-                if t < 0 or t == own:
+                if t < 0 or t == own or kind[t] == CLEAR:
                     continue
                 distance = _frustum_distance(positions, triangles, t, light, point, magnitude, work)
-                if distance < -deepest:
+                if distance < -deepest and in_shadow[sample] and kind[t] == SOLID:
                     deepest = -distance
-                if distance < nearest:
-                    nearest = max(distance, 0.0)
-        margins[sample] = min(deepest, cap) if in_shadow[sample] else nearest
+                if abs(distance) < nearest:
+                    nearest = abs(distance)
+        margins[sample] = min(deepest, cap) if deepest > 0.0 else nearest
