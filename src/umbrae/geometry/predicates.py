@@ -307,7 +307,11 @@ def shadows(positions, triangles, t, facing_t, light, own, u, v, side, point, cl
         return 0
     if s01 > b01 and s12 > b12 and s20 > b20 and beyond > bound:
         return SHADOWED
-    if own >= 0 and same_triangle(positions, triangles, own, t):
+    if (
+        own >= 0
+        and same_triangle(positions, triangles, own, t)
+        and side * facing(positions, triangles, own, light) >= 0
+    ):
         return 0
     if s01 <= b01 and s * exact_side(positions, triangles, i, j, light, own, u, v, side, point, closed) < 0:
         return EXACT
@@ -344,8 +348,8 @@ def hit_weights(positions, triangles, t, light, point):
 def same_triangle(positions, triangles, a, b):
     """Whether two triangles have the same three positions, in any order.
 
-    Such a triangle lies in the plane of the sample. A sample whose own triangle does not shade it is not strictly
-    beyond that plane, so its duplicates cast nothing on it either.
+    Such a triangle lies in the plane of the sample. A sample whose own triangle is not turned away from the light is
+    not strictly beyond that plane, so its duplicates cast nothing on it either.
     """
     for first in range(3):
         equal = True
