@@ -1,25 +1,39 @@
 """Per-triangle shadow frusta, rasterized hierarchically over the view samples, on all CPU cores."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from umbrae.checks import shown, whole
 from umbrae.clock import Clock
+from umbrae.errors import OptionError
 from umbrae.geometry.solids import Solids, find_solids
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
-from umbrae.methods.frustum_traversal import CLUSTERS, COUNTERS, merge, traverse_batch, write_out
+from umbrae.methods.frustum_leaves import COUNTERS, Receivers
+from umbrae.methods.frustum_transmission import QUEUE, Dimming, cover_queued
+from umbrae.methods.frustum_traversal import CLUSTERS, merge, traverse_batch, write_out
 from umbrae.methods.light_frame import POSITION_ERROR, LightFrame, light_frames, surface_error
 from umbrae.methods.method import Caster, Method
-from umbrae.methods.sample_tree import Leaves, SampleTree, build
-from umbrae.methods.triangle_clusters import cluster_triangles, light_sides
+from umbrae.methods.sample_tree import SampleTree, build
+from umbrae.methods.transmission_buffer import Dice, make_buffer, merge_sums, terms, write_shares
+from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles, light_sides
 from umbrae.parallel import run, thread_count
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
+from umbrae.transmission import CLEAR, SOLID, transmission_of
 
 _LEAVES_PER_TASK = 4096
+
+_QUEUED_LEAVES = 256
+"""Leaves that a queued node is split into, at most, for one thread."""
+
+TRANSPARENCY = ("exact", "stochastic")
+
+TOLERANCE = 1e-5
+"""What a share of light may be off, where up to 80,000 casters let some through (see `transmission_buffer`)."""
 
 BLOCK = 1 << 23
 """Samples per hierarchy: a 3840 x 2160 picture is one block; larger ones go band by band to bound the memory."""
@@ -27,18 +41,24 @@ BLOCK = 1 << 23
 
 @dataclass(frozen=True)
 class Frustum(Method):
-    """Exact shadows of any triangle soup after Sintorn, Olsson and Assarsson 2011, opaque casters.
+    """Exact shadows of any triangle soup after Sintorn, Olsson and Assarsson 2011, of solid and other casters.
 
     Every triangle's shadow frustum (its four planes: three through the light and an edge, and the triangle's own)
     descends a hierarchy of boxes over the view samples: a box outside is rejected, a box inside is accepted as a
     whole in the hierarchical shadow buffer, anything else is refined down to the samples (section 3.1). Tests are done
     in float32 with derived bounds; a sample that they leave open is decided by `geometry.predicates.shadows`, exactly.
 
+    Triangles that let light through come second (section 3.2): the shadow buffer sums up the logarithms of what they
+    let through, per colour channel; textures are looked up where the ray to the light meets the triangle, whose
+    barycentrics are the distances from the side planes.
+
     Deviations from the paper: the hierarchy stands in the light's normalized device coordinates instead of the
     camera's (see `sample_tree`), where side planes are lines and a frustum's bounds in x and y do what the two
     silhouette planes towards the eye do there; frusta descend in clusters of 16 neighbours, and clusters in batches
     (see `frustum_traversal`); there is no bias,
-    as a sample knows its own triangle; samples without a camera are served as well.
+    as a sample knows its own triangle; samples without a camera are served as well. Sums are of fixed point, so that
+    threads cannot change them, and what is opaque is a flag beside them (see `transmission_buffer`); a shared edge of
+    two panes counts once; large nodes within a textured triangle's shadow go onto a queue, as the paper wishes for.
 
     Options
     -------
@@ -50,112 +70,145 @@ class Frustum(Method):
         number is nowhere negative (see `geometry.solids`); all others are never culled, nor are parts that are not
         opaque or whose bounding box holds the light. Off by default: finding the solids takes longer than it saves
         unless the same geometry is asked many times.
+    transparency
+        `exact` finds what share of light arrives; `stochastic` (section 3.2) one bit for each sample and channel, with
+        the right probability: a fifth of the memory, noise that the samples of a pixel average out, and no guarantee.
+        Samples of a pixel are stratified after Enderton et al. 2010, which the paper proposes.
+    seed
+        Of `stochastic`: a whole number from 0.
     """
 
     front_face_culling: bool = False
+    transparency: str = "exact"
+    seed: int = 0
 
     name: ClassVar[str] = "frustum"
     paper: ClassVar[str] = "Sintorn, Olsson, Assarsson 2011"
     guarantee: ClassVar[Guarantee] = Guarantee.EXACT
+    accepts: ClassVar[tuple[str, ...]] = ("pictures", "points", "transparency")
+
+    def __post_init__(self) -> None:
+        if self.transparency not in TRANSPARENCY:
+            wanted = f"wanted one of {', '.join(TRANSPARENCY)}"
+            raise OptionError(f"{self.name}: transparency: {wanted}, got {shown(self.transparency)}")
+        if not 0 <= whole(self.seed, f"{self.name}: seed") < 1 << 63:
+            raise OptionError(f"{self.name}: seed: wanted 0 to 2**63 - 1, got {self.seed}")
 
     def prepare(self, scene: Scene, clock: Clock | None = None) -> "FrustumCaster":
-        return FrustumCaster(scene, self.front_face_culling, clock)
+        return FrustumCaster(scene, self, clock)
+
+
+class _Sides(NamedTuple):
+    """The side of triangles that the light is on: all `(t,)`, and by clusters the solid ones and all others."""
+
+    own: NDArray[np.int8]
+    solid: NDArray[np.int8]
+    open: NDArray[np.int8] | None
 
 
 class FrustumCaster(Caster):
     """The triangles in clusters, and the solids if wanted; everything else depends on the light."""
 
-    def __init__(self, scene: Scene, front_face_culling: bool, clock: Clock | None) -> None:
+    def __init__(self, scene: Scene, method: Frustum, clock: Clock | None) -> None:
         self.scene = scene
+        self.method = method
+        self.table = transmission_of(scene)
         self.solids: Solids | None = None
-        self.clusters = cluster_triangles(scene, clock)
-        if front_face_culling and len(scene.triangles):
-            solid = np.array([material.casts_solid for material in scene.materials])
-            self.solids = find_solids(scene.positions, scene.triangles, solid[scene.material_id])
+        self.open: TriangleClusters | None = None
+        solid = np.ones(len(scene.triangles), bool)
+        if self.table is None:
+            self.clusters = cluster_triangles(scene, clock)
+            self.bounds = self.clusters.bounds
+        else:
+            solid, lets_through = self.table.kind == SOLID, self.table.kind > CLEAR
+            self.clusters = cluster_triangles(scene, clock, np.flatnonzero(solid))
+            self.bounds = scene.bounds.astype(np.float64)
+            if lets_through.any():
+                self.open = cluster_triangles(scene, clock, np.flatnonzero(lets_through))
+        if method.front_face_culling and len(scene.triangles):
+            self.solids = find_solids(scene.positions, scene.triangles, solid)
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         samples.check(self.scene)
         clock = clock or Clock()
         in_shadow = np.zeros(samples.size, bool)
+        partial = None if self.open is None else np.ones((samples.size, 3), np.float32)
         stats = np.zeros(len(COUNTERS), np.int64)
         if len(self.scene.triangles) and samples.size:
             source = light.position.astype(np.float64)
             with clock.span("facing"):
-                facing, clustered = light_sides(self.scene, self.clusters, source, clock)
-                if self.solids is not None:
-                    self._cull(self.solids, source, clustered)
+                sides = self._sides(source, clock)
             width = samples.size // samples.shape[0]
             step = max(4, BLOCK // width // 4 * 4)
+            strata = samples.shape[2] if samples.camera is not None and len(samples.shape) == 3 else 1
             for start in range(0, samples.shape[0], step):
                 block = samples if step >= samples.shape[0] else samples.rows(start, start + step)
-                part = in_shadow[start * width : (start + step) * width]
-                stats += self._shadow_block(source, block, facing, clustered, part, clock)
+                part = slice(start * width, (start + step) * width)
+                by_chance = self.method.transparency == "stochastic"
+                dice = Dice(strata if by_chance else 0, int(self.method.seed), start * width)
+                shares = None if partial is None else partial[part]
+                stats += self._shadow_block(source, block, sides, dice, in_shadow[part], shares, clock)
         counters = dict(zip(COUNTERS, (int(n) for n in stats), strict=True))
-        return ShadowMask(in_shadow.reshape(samples.shape), Guarantee.EXACT, stats=counters)
+        in_shadow = in_shadow.reshape(samples.shape)
+        if partial is None:
+            return ShadowMask(in_shadow, Guarantee.EXACT, stats=counters)
+        partial = partial.reshape(*samples.shape, 3)
+        if self.method.transparency == "stochastic":
+            return ShadowMask(in_shadow, Guarantee.NONE, stats=counters, partial=partial)
+        return ShadowMask(in_shadow, Guarantee.EXACT, stats=counters, partial=partial, tolerance=TOLERANCE)
+
+    def _sides(self, source: NDArray[np.float64], clock: Clock) -> _Sides:
+        own = np.zeros(len(self.scene.triangles), np.int8)
+        clustered = light_sides(self.scene, self.clusters, source, own, clock)
+        others = None if self.open is None else light_sides(self.scene, self.open, source, own, clock)
+        if self.solids is not None:
+            self._cull(self.solids, source, clustered)
+        return _Sides(own, clustered, others)
 
     def _shadow_block(
         self,
         source: NDArray[np.float64],
         samples: ViewSamples,
-        facing: NDArray[np.int8],
-        clustered: NDArray[np.int8],
+        sides: _Sides,
+        dice: Dice,
         in_shadow: NDArray[np.bool_],
+        partial: NDArray[np.float32] | None,
         clock: Clock,
     ) -> NDArray[np.int64]:
         with clock.span("hierarchy"):
-            bounds = _including(self.clusters.bounds, samples)
+            bounds = _including(self.bounds, samples)
             largest = float(np.abs(bounds).max())
             on_surface = samples.camera is not None or bool((samples.triangle >= 0).any())
             error = POSITION_ERROR * largest + surface_error(bounds) if on_surface else 0.0
             frames = light_frames(source, bounds, error)
             limits = error, 2.0**-50 * largest
-            leaves, trees = build(samples, facing, source, frames, limits, in_shadow, clock)
-        with clock.span("traversal"):
-            stats = self._traverse(source, samples, clustered, frames, leaves, trees, clock)
-        with clock.span("merge"):
-            for tree in trees:
-                if tree is not None:
-                    merge(tree.level, tree.full)
-                    _write_out(tree, leaves.ids, in_shadow, clock)
-        leaves.release(sum(len(tree.slot) for tree in trees if tree is not None))
-        return stats
-
-    def _traverse(
-        self,
-        source: NDArray[np.float64],
-        samples: ViewSamples,
-        facing: NDArray[np.int8],
-        frames: list[LightFrame],
-        leaves: Leaves,
-        trees: list[SampleTree | None],
-        clock: Clock,
-    ) -> NDArray[np.int64]:
-        corners, boxes, order, _ = self.clusters
-        count = len(corners)
-        step = min(CLUSTERS, -(-count // (8 * thread_count())))
-        batches = -(-count // step)
+            shading = sides.own if self.table is None else np.where(self.table.kind == SOLID, sides.own, np.int8(0))
+            leaves, trees = build(samples, shading, source, frames, limits, in_shadow, clock)
+            if partial is not None:
+                partial[in_shadow] = 0.0
+        raw = samples.barycentric.reshape(-1, 2), samples.side.reshape(-1), samples.position.reshape(-1, 3)
+        receivers = Receivers(self.scene.positions, self.scene.triangles, source, *leaves[:3], *raw)
         active = [(frame, tree) for frame, tree in zip(frames, trees, strict=True) if tree is not None]
-        raw: tuple[Any, ...] = (
-            samples.barycentric.reshape(-1, 2),
-            samples.side.reshape(-1),
-            samples.position.reshape(-1, 3),
-        )
-
-        def task(number: int) -> NDArray[np.int64]:
-            frame, tree = active[number // batches]
-            start = number % batches * step
-            stats = np.zeros(len(COUNTERS), np.int64)
-            traverse_batch(
-                self.scene.positions, self.scene.triangles, corners, boxes, order, facing, source, frame, start,
-                min(start + step, count), tree.box, tree.full, tree.level, tree.slot, leaves.place, leaves.ids,
-                leaves.box, *raw, stats,
-            )  # fmt: skip
-            return stats
-
-        if not active:
-            return np.zeros(len(COUNTERS), np.int64)
-        total: NDArray[np.int64] = np.sum(run(task, batches * len(active), clock), axis=0, dtype=np.int64)
-        return total
+        with clock.span("traversal"):
+            stats = _traverse(self.clusters, sides.solid, active, receivers, None, clock)
+        with clock.span("merge"):
+            for _, tree in active:
+                merge(tree.level, tree.full)
+                if partial is None:
+                    _write_out(tree, leaves.ids, in_shadow, clock)
+        if partial is not None and self.open is not None and sides.open is not None and self.table is not None:
+            buffers = [make_buffer(tree, dice) for _, tree in active]
+            with clock.span("transmission"):
+                even = terms(self.table.even)
+                dimming = [Dimming(self.table, even, buffer, dice, *_queue(0)) for buffer in buffers]
+                stats += _traverse(self.open, sides.open, active, receivers, dimming, clock)
+            with clock.span("merge"):
+                for (_, tree), buffer in zip(active, buffers, strict=True):
+                    if dice.strata == 0:
+                        merge_sums(tree.level, buffer)
+                    _write_shares(tree, clock, receivers, sides.own, self.table, buffer, dice, in_shadow, partial)
+        leaves.release(sum(len(tree.slot) for _, tree in active))
+        return stats
 
     def _cull(self, solids: Solids, source: NDArray[np.float64], clustered: NDArray[np.int8]) -> None:
         """Let the triangles of solids that face away from the light cast nothing."""
@@ -165,6 +218,69 @@ class FrustumCaster(Caster):
         sides[culled & (sides < 0)] = 0
 
 
+def _traverse(
+    clusters: TriangleClusters,
+    facing: NDArray[np.int8],
+    active: list[tuple[LightFrame, SampleTree]],
+    receivers: Receivers,
+    dimming: list[Dimming] | None,
+    clock: Clock,
+) -> NDArray[np.int64]:
+    """Send clusters down the trees, all threads; `dimming`, one for each tree, for triangles that let light through."""
+    total = np.zeros(len(COUNTERS), np.int64)
+    corners, boxes, order, _ = clusters
+    count = len(corners)
+    if not active or count == 0:
+        return total
+    step = min(CLUSTERS, -(-count // (8 * thread_count())))
+    batches = -(-count // step)
+
+    def task(number: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        frame, tree = active[number // batches]
+        start, stop = number % batches * step, min((number % batches + 1) * step, count)
+        stats = np.zeros(len(COUNTERS), np.int64)
+        queue, queued = _queue(0 if dimming is None else QUEUE)
+        mine = None if dimming is None else dimming[number // batches]._replace(queue=queue, queued=queued)
+        traverse_batch(corners, boxes, order, facing, frame, start, stop, tree, receivers, stats, mine)
+        return stats, queue[: queued[0]].copy()
+
+    done = run(task, batches * len(active), clock)
+    total += np.sum([stats for stats, _ in done], axis=0, dtype=np.int64)
+    if dimming is not None:
+        for place, (_, tree) in enumerate(active):
+            queues = [queue for _, queue in done[place * batches : (place + 1) * batches]]
+            total += _cover_queued(np.concatenate(queues), tree, receivers, dimming[place], clock)
+    return total
+
+
+def _queue(room: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """An empty queue of accepted nodes, and how many there are."""
+    return np.empty((room, 3), np.int64), np.zeros(1, np.int64)
+
+
+def _cover_queued(
+    queue: NDArray[np.int64], tree: SampleTree, receivers: Receivers, dimming: Dimming, clock: Clock
+) -> NDArray[np.int64]:
+    """Look up textures below accepted nodes that were left for later, range of leaves by range."""
+    parts = -(-(queue[:, 2] - queue[:, 1]) // _QUEUED_LEAVES)
+    split = np.repeat(queue, parts, axis=0)
+    split[:, 1] += (np.arange(len(split)) - np.repeat(np.cumsum(parts) - parts, parts)) * _QUEUED_LEAVES
+    split[:, 2] = np.minimum(split[:, 2], split[:, 1] + _QUEUED_LEAVES)
+    # By place: each thread stays in one part of the picture.
+    split = split[np.argsort(split[:, 1], kind="stable")]
+    step = -(-len(split) // (16 * thread_count())) or 1
+
+    def task(number: int) -> NDArray[np.int64]:
+        stats = np.zeros(len(COUNTERS), np.int64)
+        start, stop = number * step, min((number + 1) * step, len(split))
+        cover_queued(split, start, stop, tree, receivers, dimming, stats)
+        return stats
+
+    zero = np.zeros(len(COUNTERS), np.int64)
+    total: NDArray[np.int64] = np.sum([zero, *run(task, -(-len(split) // step), clock)], axis=0, dtype=np.int64)
+    return total
+
+
 def _write_out(tree: SampleTree, ids: NDArray[np.int32], in_shadow: NDArray[np.bool_], clock: Clock) -> None:
     """Write the verdicts of all leaves."""
     count = len(tree.slot)
@@ -172,6 +288,17 @@ def _write_out(tree: SampleTree, ids: NDArray[np.int32], in_shadow: NDArray[np.b
     def task(number: int) -> None:
         start, stop = number * _LEAVES_PER_TASK, min((number + 1) * _LEAVES_PER_TASK, count)
         write_out(start, stop, tree.slot, tree.full, ids, in_shadow)
+
+    run(task, -(-count // _LEAVES_PER_TASK), clock)
+
+
+def _write_shares(tree: SampleTree, clock: Clock, *what: Any) -> None:
+    """Write what arrives at the samples of all leaves."""
+    count = len(tree.slot)
+
+    def task(number: int) -> None:
+        start, stop = number * _LEAVES_PER_TASK, min((number + 1) * _LEAVES_PER_TASK, count)
+        write_shares(start, stop, tree, *what)
 
     run(task, -(-count // _LEAVES_PER_TASK), clock)
 

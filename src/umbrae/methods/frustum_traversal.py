@@ -15,7 +15,7 @@ it removes the false positives that four planes alone let through.
 
 import numpy as np
 
-from umbrae.geometry.predicates import EXACT, SHADOWED, facing, shadows
+from umbrae.methods.frustum_leaves import ACCEPTS, REJECTS, TILE_TESTS, darken_leaf
 from umbrae.methods.frustum_setup import (
     BOUND_PLANE,
     BOUND_Q,
@@ -30,39 +30,15 @@ from umbrae.methods.frustum_setup import (
     bound_frusta,
     put_planes,
 )
+from umbrae.methods.frustum_transmission import accept_node, dim_leaf
 from umbrae.methods.lanes import ALL, LANES, choose, count, equal, largest, load, lowest, prefetch, smallest, splat
-from umbrae.methods.sample_clusters import (
-    DARK,
-    OWN,
-    QMAX,
-    QMIN,
-    SAMPLE,
-    SLACK_Q,
-    SLACK_X,
-    XMAX,
-    XMIN,
-    YMAX,
-    YMIN,
-    Q,
-    X,
-    Y,
-)
+from umbrae.methods.sample_clusters import DARK, OWN, QMAX, QMIN, SAMPLE, XMAX, XMIN, YMAX, YMIN
 from umbrae.parallel import expand, inline, kernel
 
 CLUSTERS = 256
 """Clusters of 16 triangles per task, at most."""
 
 MAX_DEPTH = 12
-
-(TILE_TESTS, SAMPLE_TESTS, ACCEPTS, REJECTS, FALLBACKS, EXACT_TESTS) = range(6)
-COUNTERS = (
-    "tile_frustum_tests",
-    "sample_frustum_tests",
-    "accepts",
-    "rejects",
-    "fallbacks",
-    "predicate_fallbacks",
-)
 
 # Columns of `outer`, after the bounds of a whole cluster: its widest and its highest frustum.
 WIDTH, HEIGHT = 5, 6
@@ -103,43 +79,6 @@ def _against_box(rows, cluster, xmin, xmax, ymin, ymax, qmin, qmax):
     reject |= middle + reach < zero - limit
     accept &= middle - reach > limit
     return reject, accept
-
-
-@expand
-def _touched(leaf_place, leaf_ids, slot, t, rows, cluster, lane, sides, plane):
-    """Masks of a leaf's lanes that a frustum may shadow, and of those that it surely does."""
-    x, y, q = load(leaf_place, slot, X), load(leaf_place, slot, Y), load(leaf_place, slot, Q)
-    maybe = ~(equal(leaf_ids, slot, OWN, t) | equal(leaf_ids, slot, OWN, DARK))
-    sure = maybe
-    for edge in range(3):
-        at = 3 * edge * LANES + lane
-        value = x * rows[cluster, at] + y * rows[cluster, at + LANES] + rows[cluster, at + 2 * LANES]
-        maybe &= value >= -sides
-        sure &= value > sides
-    at = 9 * LANES + lane
-    value = x * rows[cluster, at] + y * rows[cluster, at + LANES] + rows[cluster, at + 2 * LANES]
-    value = value + q * rows[cluster, at + 3 * LANES]
-    maybe &= value >= -plane
-    sure &= value > plane
-    return maybe, sure
-
-
-@inline
-def _settle(slot, lane, t, leaf_ids, positions, triangles, light, barycentric, side, position, point, stats):
-    """Ask the predicate about a pair that float32 left open."""
-    # Another thread may have darkened the lane meanwhile: then whatever comes out, it stays in shadow.
-    own = leaf_ids[slot, OWN + lane]
-    index = leaf_ids[slot, SAMPLE + lane]
-    for axis in range(3):
-        point[axis] = position[index, axis]
-    answer = shadows(
-        positions, triangles, t, facing(positions, triangles, t, light), light, own,
-        np.float64(barycentric[index, 0]), np.float64(barycentric[index, 1]), np.int64(side[index]), point, True,
-    )  # fmt: skip
-    stats[FALLBACKS] += 1
-    if answer & EXACT:
-        stats[EXACT_TESTS] += 1
-    return answer & SHADOWED
 
 
 @inline
@@ -220,11 +159,14 @@ def _bring_near(visited, number, slots, leaf_place, leaf_ids, leaf_box):
 
 
 @kernel
-def traverse_batch(
-    positions, triangles, corners, boxes, order, facing_of, light, frame, start, stop,
-    box, full, level, slots, leaf_place, leaf_ids, leaf_box, barycentric, side, position, stats,
-):  # fmt: skip
-    """Rasterize the frusta of clusters `start` to `stop` over one sample tree; where `facing_of` is 0, none is cast."""
+def traverse_batch(corners, boxes, order, facing_of, frame, start, stop, tree, receivers, stats, dimming):
+    """Rasterize the frusta of clusters `start` to `stop` over one sample tree; where `facing_of` is 0, none is cast.
+
+    `dimming` is None for solid triangles, for others what `frustum_transmission` needs: what is accepted then dims
+    the samples below instead of ending the search.
+    """
+    box, full, level, slots = tree
+    light = receivers.light
     top = len(level) - 1
     if full[top_group(level), 0]:
         return
@@ -297,9 +239,18 @@ def traverse_batch(
                 if wide:
                     reject, accept = _against_box(rows, k, xmin, xmax, ymin, ymax, qmin, qmax)
                     stats[REJECTS] += count(mask & reject)
-                    if mask & accept & ~reject:
-                        accepted = True
-                        break
+                    accept &= mask & ~reject
+                    if dimming is None:
+                        if accept:
+                            accepted = True
+                            break
+                    elif accept:
+                        stats[ACCEPTS] += count(accept)
+                        accept_node(
+                            group, child, number, below, order, number_of[k], accept, tree, receivers, dimming, point,
+                            stats,
+                        )  # fmt: skip
+                        mask &= ~accept
                     mask &= ~reject
                     if mask == 0:
                         continue
@@ -319,44 +270,17 @@ def traverse_batch(
                 listed, masked, kept, outer, box, full, groups[depth], lists[depth], masks[depth], counts[depth]
             )
             if below == 1:
-                _bring_near(visited[depth], number, slots, leaf_place, leaf_ids, leaf_box)
+                _bring_near(visited[depth], number, slots, receivers.place, receivers.ids, receivers.box)
             continue
         # A leaf: its samples against what is left of the list.
         slot = np.int64(slots[number])
-        dark = equal(leaf_ids, slot, OWN, np.int32(DARK))
-        slack_x, slack_q = leaf_box[slot, SLACK_X], leaf_box[slot, SLACK_Q]
-        reach_q = max(abs(qmin), abs(qmax))
-        for entry in range(kept):
-            if dark == ALL:
-                break
-            k = np.int64(listed[entry])
-            mask = masked[entry]
-            stats[SAMPLE_TESTS] += count(mask) * LANES
-            while mask:
-                lane = np.int64(lowest(mask))
-                mask &= mask - np.int32(1)
-                t = order[number_of[k] * LANES + lane]
-                sides = rows[k, BOUND_SIDES * LANES + lane] + slack_x
-                slope_q = abs(rows[k, 12 * LANES + lane])
-                plane = rows[k, BOUND_PLANE * LANES + lane] + slack_x
-                plane += rows[k, BOUND_Q * LANES + lane] * reach_q + slope_q * slack_q
-                if np.isnan(plane):
-                    plane = np.float32(np.inf)  # 0 times infinity: nothing is known
-                maybe, sure = _touched(leaf_place, leaf_ids, slot, t, rows, k, lane, sides, plane)
-                unsure = maybe & ~sure
-                dark |= sure
-                while sure:
-                    leaf_ids[slot, OWN + lowest(sure)] = DARK
-                    sure &= sure - np.int32(1)
-                while unsure:
-                    other = lowest(unsure)
-                    unsure &= unsure - np.int32(1)
-                    if _settle(
-                        slot, other, t, leaf_ids, positions, triangles, light, barycentric, side,
-                        position, point, stats,
-                    ):  # fmt: skip
-                        leaf_ids[slot, OWN + other] = DARK
-                        dark |= np.int32(1) << other
+        if dimming is None:
+            dark = darken_leaf(slot, listed, masked, kept, number_of, order, rows, receivers, point, stats)
+        else:
+            dark = dim_leaf(
+                group, child, number, slot, listed, masked, kept, number_of, order, rows, receivers, dimming, point,
+                stats,
+            )  # fmt: skip
         if dark == ALL:
             full[group, child] = 1
 

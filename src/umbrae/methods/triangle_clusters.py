@@ -31,14 +31,14 @@ class TriangleClusters(NamedTuple):
     bounds: NDArray[np.float64]
 
 
-def cluster_triangles(scene: Scene, clock: Clock | None) -> TriangleClusters:
-    """Cluster triangles in the scene's order, or along a curve in space.
+def cluster_triangles(scene: Scene, clock: Clock | None, chosen: NDArray[np.intp] | None = None) -> TriangleClusters:
+    """Cluster the `chosen` triangles, or all, in the scene's order, or along a curve in space.
 
     The latter where 16 consecutive triangles mostly lie farther apart than side by side.
     """
-    count = len(scene.triangles)
+    order = np.arange(len(scene.triangles), dtype=np.int32) if chosen is None else chosen.astype(np.int32)
+    count = len(order)
     clusters = -(-count // LANES)
-    order = np.arange(count, dtype=np.int32)
     corners = np.empty((clusters, 3, 3, LANES), np.float32)
     boxes = np.empty((clusters, 2, 3), np.float32)
     if count == 0:
@@ -54,8 +54,9 @@ def cluster_triangles(scene: Scene, clock: Clock | None) -> TriangleClusters:
         run(place, -(-clusters // _CHUNK), clock)
         bits = min(30, count.bit_length() + 1)
         along = np.empty(count, np.int32)
-        sort_by_key(order, keys, 30 - bits, along, np.zeros((1 << bits) + 1, np.int32))
-        order = along
+        rank = np.arange(count, dtype=np.int32)
+        sort_by_key(rank, keys, 30 - bits, along, np.zeros((1 << bits) + 1, np.int32))
+        order = order[along]
         _gather(scene, order, corners, boxes, clock)
     return TriangleClusters(corners, boxes, order, bounds)
 
@@ -83,19 +84,23 @@ def _gather(
 
 
 def light_sides(
-    scene: Scene, clusters: TriangleClusters, light: NDArray[np.float64], clock: Clock | None
-) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
-    """Exact side of each triangle's plane that the light is on, 0 edge-on: `(t,)` in the scene, `(c, 16)` clustered."""
+    scene: Scene,
+    clusters: TriangleClusters,
+    light: NDArray[np.float64],
+    of_scene: NDArray[np.int8],
+    clock: Clock | None,
+) -> NDArray[np.int8]:
+    """Exact side of each triangle's plane that the light is on, 0 edge-on: `(c, 16)`, and into `of_scene (t,)`."""
     corners, order = clusters.corners, clusters.order
     count = len(corners)
-    of_clusters, of_scene = np.empty((count, LANES), np.int8), np.empty(len(scene.triangles), np.int8)
+    of_clusters = np.empty((count, LANES), np.int8)
 
     def task(chunk: int) -> None:
         start, stop = chunk * _CHUNK, min((chunk + 1) * _CHUNK, count)
         face_light(scene.positions, scene.triangles, corners, order, light, start, stop, of_clusters, of_scene)
 
     run(task, -(-count // _CHUNK), clock)
-    return of_scene, of_clusters
+    return of_clusters
 
 
 @kernel
@@ -132,7 +137,7 @@ def extents_along(corners, cluster, axis):
 
 @kernel
 def curve_keys(corners, count, origin, scale, start, stop, keys):
-    """Place of each triangle's first corner along a Morton curve over 1024 cells each way."""
+    """Place of each clustered triangle's first corner along a Morton curve over 1024 cells each way."""
     for t in range(start * LANES, min(stop * LANES, count)):
         key = np.int64(0)
         for axis in range(3):

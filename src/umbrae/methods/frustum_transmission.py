@@ -1,0 +1,180 @@
+"""Frusta of triangles that let light through: textured, translucent, coloured (Sintorn et al. 2011, section 3.2).
+
+They go down the tree after all solid ones, so that what those shadow is skipped: the two passes of section 5, with
+the solid triangles as the good blockers. Three things differ from solid ones.
+
+A triangle that lets the same share through everywhere adds its logarithm to the largest nodes it accepts. A textured
+one gives trivial acceptance up: the samples below an accepted node look the texture up, without further plane tests. So
+does any triangle where chance decides, which rolls for each sample.
+
+Accepted nodes of many samples go onto a queue, from which all threads then take ranges of leaves. Else a few triangles
+that shadow much of the picture would leave one thread alone with all the look-ups, which the paper describes, and
+names such a queue as the remedy.
+
+Side planes are half-open: a pixel on the diagonal of a pane gets through it once. Only pairs that float32 leaves open
+can be affected, and `settle` asks the predicate about those.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae.geometry.predicates import hit_weights, surface_point
+from umbrae.methods.frustum_leaves import (
+    LOOKUPS,
+    QUEUED,
+    SAMPLE_TESTS,
+    leaf_bounds,
+    leaf_slack,
+    settle,
+    touched,
+)
+from umbrae.methods.lanes import ALL, LANES, count, equal, lowest
+from umbrae.methods.sample_clusters import DARK, OWN, SAMPLE
+from umbrae.methods.transmission_buffer import Dice, TransmissionBuffer, deposit, deposit_shares, roll
+from umbrae.parallel import inline, kernel
+from umbrae.transmission import EVEN, Transmission, passing
+
+QUEUE = 4096
+"""Accepted nodes that a task may leave for later; more are dealt with at once."""
+
+LARGE = 2
+"""Nodes of 16**2 leaves, or 4096 samples, and larger ones are left for later."""
+
+
+class Dimming(NamedTuple):
+    """What a task needs about triangles that let light through.
+
+    `even (m, 3)` the terms of what materials let through that is the same everywhere; `queue (QUEUE, 3)` triangle,
+    first leaf and the one after the last; `queued (1,)` how many there are.
+    """
+
+    table: Transmission
+    even: NDArray[np.int64]
+    buffer: TransmissionBuffer
+    dice: Dice
+    queue: NDArray[np.int64]
+    queued: NDArray[np.int64]
+
+
+@inline
+def deposit_even(dimming, row, lane, m):
+    """`deposit` for a triangle of material m that lets the same through everywhere."""
+    even = dimming.even
+    return deposit(dimming.buffer, row, lane, even[m, 0], even[m, 1], even[m, 2])
+
+
+@inline
+def dim_sample(number, slot, lane, t, receivers, dimming, point, stats):
+    """Dim the light of a sample in triangle t's shadow; returns whether it is dark now."""
+    ids, table, buffer, dice = receivers.ids, dimming.table, dimming.buffer, dimming.dice
+    own = ids[slot, OWN + lane]
+    if own == DARK:
+        return True
+    index, row = ids[slot, SAMPLE + lane], buffer.leaves + number
+    even, m = table.kind[t] == EVEN, table.material_id[t]
+    if even and dice.strata == 0:
+        dark = deposit_even(dimming, row, lane, m)
+    else:
+        if even:
+            red, green, blue = table.even[m, 0], table.even[m, 1], table.even[m, 2]
+        else:
+            stats[LOOKUPS] += 1
+            for axis in range(3):
+                point[axis] = receivers.position[index, axis]
+            positions, triangles = receivers.positions, receivers.triangles
+            u, v = np.float64(receivers.barycentric[index, 0]), np.float64(receivers.barycentric[index, 1])
+            surface_point(positions, triangles, own, u, v, point)
+            wa, wb, wc = hit_weights(positions, triangles, t, receivers.light, point)
+            red, green, blue = passing(triangles, table, t, wa, wb, wc)
+        if red == 1.0 and green == 1.0 and blue == 1.0:
+            return False
+        if dice.strata == 0 or (red == 0.0 and green == 0.0 and blue == 0.0):
+            dark = deposit_shares(buffer, row, lane, red, green, blue)
+        else:
+            dark = roll(buffer, dice, row, lane, index, t, red, green, blue)
+    if dark:
+        ids[slot, OWN + lane] = DARK
+    return dark
+
+
+@inline
+def dim_leaf(
+    group, child, number, slot, listed, masked, entries, number_of, order, rows, receivers, dimming, point, stats
+):
+    """Dim the samples of a leaf that the listed frusta hold; returns the mask of all dark lanes."""
+    ids, table = receivers.ids, dimming.table
+    slack_x, slack_q, reach_q = leaf_slack(receivers.box, slot)
+    dark = equal(ids, slot, OWN, np.int32(DARK))
+    for entry in range(entries):
+        k = np.int64(listed[entry])
+        mask = masked[entry]
+        stats[SAMPLE_TESTS] += count(mask) * LANES
+        while mask and dark != ALL:
+            lane = np.int64(lowest(mask))
+            mask &= mask - np.int32(1)
+            t = order[number_of[k] * LANES + lane]
+            m = table.material_id[t]
+            sides, plane = leaf_bounds(rows, k, lane, slack_x, slack_q, reach_q)
+            maybe, sure = touched(receivers.place, ids, slot, t, rows, k, lane, sides, plane)
+            unsure = maybe & ~sure
+            while unsure:
+                other = lowest(unsure)
+                unsure &= unsure - np.int32(1)
+                if settle(slot, other, t, table.closed[m], receivers, point, stats):
+                    sure |= np.int32(1) << other
+            if (sure | dark) == ALL and table.kind[t] == EVEN and dimming.dice.strata == 0:
+                deposit_even(dimming, group, child, m)  # what the dark ones get does not matter
+                continue
+            while sure:
+                other = lowest(sure)
+                sure &= sure - np.int32(1)
+                if dim_sample(number, slot, other, t, receivers, dimming, point, stats):
+                    dark |= np.int32(1) << other
+    return dark
+
+
+@inline
+def accept_node(group, child, number, below, order, cluster, accepted, tree, receivers, dimming, point, stats):
+    """Let the triangles of a cluster that are in the mask `accepted` dim all samples below a node.
+
+    The node is child `child` of `group`, and number `number` of those that hold 16**below leaves each.
+    """
+    while accepted:
+        t = order[cluster * LANES + lowest(accepted)]
+        accepted &= accepted - np.int32(1)
+        if dimming.table.kind[t] == EVEN and dimming.dice.strata == 0:
+            deposit_even(dimming, group, child, dimming.table.material_id[t])
+            continue
+        first = number << (4 * below)
+        last = min((number + 1) << (4 * below), len(tree.slot))
+        waiting = dimming.queued[0]
+        if below >= LARGE and waiting < QUEUE:
+            dimming.queue[waiting, 0], dimming.queue[waiting, 1], dimming.queue[waiting, 2] = t, first, last
+            dimming.queued[0] = waiting + 1
+            stats[QUEUED] += 1
+        else:
+            cover(t, first, last, tree, receivers, dimming, point, stats)
+
+
+@inline
+def cover(t, first, last, tree, receivers, dimming, point, stats):
+    """Let triangle t, whose shadow they lie in, dim the samples of leaves `first` to `last`."""
+    for number in range(first, last):
+        group, child = number // LANES, number % LANES
+        if tree.full[group, child]:
+            continue
+        slot, all_dark = tree.slot[number], True
+        for lane in range(LANES):
+            all_dark &= dim_sample(number, slot, lane, t, receivers, dimming, point, stats)
+        if all_dark:
+            tree.full[group, child] = 1
+
+
+@kernel
+def cover_queued(queue, start, stop, tree, receivers, dimming, stats):
+    """`cover` for entries `start` to `stop` of a queue."""
+    point = np.empty(3)
+    for entry in range(start, stop):
+        cover(queue[entry, 0], queue[entry, 1], queue[entry, 2], tree, receivers, dimming, point, stats)
