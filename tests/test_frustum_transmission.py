@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from truth import lattice_soup, random_samples, random_soup
-from umbrae import Camera, Light, Material, OptionError, Scene, ViewSamples, sample, shadow
+from umbrae import Light, Material, Scene, ViewSamples, shadow
 from umbrae.mask import Guarantee
 from umbrae.methods.frustum_cpu import Frustum
 from umbrae.methods.oracle import Exact
@@ -100,7 +100,7 @@ def closed(scene: Scene, t: int) -> bool:
 
 
 def weights_of(exact: Exact, samples: ViewSamples, index: int, t: int) -> NDArray[np.float64]:
-    """Barycentrics of the place where the ray from a sample to the light meets the plane of triangle t, in rationals."""
+    """Barycentrics of the place where the ray from a sample to the light meets triangle t, in rationals."""
     from fractions import Fraction
 
     own = int(samples.triangle[index])

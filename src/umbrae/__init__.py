@@ -20,7 +20,7 @@ from umbrae.material import Material
 from umbrae.methods import METHODS, Caster, Method, shadow
 from umbrae.render import render
 from umbrae.samples import ViewSamples
-from umbrae.sampling import sample
+from umbrae.sampling import sample, sample_layers, sample_stochastic
 from umbrae.scene import Scene
 from umbrae.sun import SunStudy, sun_hours
 from umbrae.verify import Verdict, verify
@@ -53,6 +53,8 @@ __all__ = [
     "load",
     "render",
     "sample",
+    "sample_layers",
+    "sample_stochastic",
     "save",
     "shadow",
     "sun_hours",

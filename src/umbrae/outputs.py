@@ -42,19 +42,28 @@ def mask_paths(mask: Path | None, count: int) -> list[Path]:
 def arrays(scene: Scene, lights: Sequence[Light], image: Image) -> dict[str, NDArray[Any]]:
     """Samples, masks, lights and camera by name, all in the scene's coordinates: minus `origin`.
 
-    `in_shadow` has the samples' shape for one light, and the lights as its first axis for several.
+    Samples have the shape `(h, w)` or `(h, w, s)`, with the layers before it if there are several. `in_shadow` has that
+    shape for one light; for several, lights come first, or right after layers. `transmittance`, beside it where some
+    mask holds shares of light, has three channels after that. `throughput` is there for samples chosen by chance.
     """
     samples = image.samples
     assert samples is not None and samples.depth is not None and samples.camera is not None
-    in_shadow = np.stack([mask.in_shadow for mask in image.masks])
-    return {
-        "triangle": samples.triangle,
-        "barycentric": samples.barycentric,
-        "side": samples.side,
-        "position": samples.position,
-        "covered": samples.covered,
-        "depth": samples.depth,
-        "in_shadow": in_shadow[0] if len(in_shadow) == 1 else in_shadow,
+
+    def stacked(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        return values[0] if len(values) == 1 else np.stack(values)
+
+    found = {
+        name: stacked([getattr(layer, name) for layer in image.layers])
+        for name in ("triangle", "barycentric", "side", "position", "covered", "depth")
+    }
+    found["in_shadow"] = stacked([stacked([mask.in_shadow for mask in masks]) for masks in image.layer_masks])
+    if any(mask.partial is not None for masks in image.layer_masks for mask in masks):
+        found["transmittance"] = stacked(
+            [stacked([mask.transmittance for mask in masks]) for masks in image.layer_masks]
+        )
+    if samples.throughput is not None:
+        found["throughput"] = samples.throughput
+    return found | {
         "lights": np.stack([light.position for light in lights]),
         "eye": samples.camera.eye,
         "axes": samples.camera.axes,

@@ -11,12 +11,17 @@ from umbrae.light import Light
 from umbrae.memory import require
 from umbrae.methods import Method, make_method
 from umbrae.methods.frustum_cpu import BLOCK
-from umbrae.sampling import sample
+from umbrae.samples import ViewSamples
+from umbrae.sampling import sample_layers, sample_stochastic
+from umbrae.sampling.layers import check_layers
 from umbrae.scene import Scene
 from umbrae.shade import shade, up_axis
+from umbrae.transmission import transmission_of
 
 _BYTES_FOR_SUN, _BYTES_FOR_POINT = 70, 180
 """What shadows take for each sample of a block, measured; for a point light as if it stood amid the scene."""
+_BYTES_FOR_SHARES = 13
+"""Of a mask's sample: a byte for whether any light arrives, three float32 for how much does."""
 _SUN_AZIMUTH, _SUN_ELEVATION = 55.0, 40.0
 _SUN_COLOR = (1.0, 0.96, 0.89)
 
@@ -29,8 +34,13 @@ def render(
     samples_per_pixel: int = 1,
     up: Vector = (0.0, 1.0, 0.0),
     clock: Clock | None = None,
+    layers: int = 8,
+    stochastic: int | None = None,
 ) -> Image:
     """Make a picture with shadows: sample what the camera sees, decide the shadows, shade.
+
+    Transparent surfaces are seen through, and receive shadows themselves: they are peeled layer by layer, or chosen by
+    chance.
 
     Parameters
     ----------
@@ -45,14 +55,21 @@ def render(
     up
         World up, for the default camera and sun and for the sky.
     clock
-        Hears how long "sample", "prepare", "shadow" (once per light) and "shade" take.
+        Hears how long "sample", "prepare", "shadow" (once per light and layer) and "shade" take.
+    layers
+        How many surfaces behind one another to see at most, where they let light through; what passes the last one
+        meets the background. With 1, all are shown as if solid.
+    stochastic
+        A seed: each sample sees one surface, by chance (`sample_stochastic`), which takes less memory than layers and
+        is noisy; meant for many samples per pixel.
 
     Raises
     ------
     InputError
         For no lights, or an up vector of zero.
     OptionError
-        For an unknown method, or samples per pixel that are not a whole number from 1.
+        For an unknown method, samples per pixel or layers that are not a whole number from 1, or a seed that is none
+        from 0.
     CapacityError
         When the picture would not fit into memory.
     """
@@ -64,21 +81,39 @@ def render(
     instance(camera, Camera, "camera")
     shining = _lights(lights, camera, up)
     algorithm = make_method(method)
+    check_layers(layers)
     with clock.span("sample"):
-        samples = sample(scene, camera, samples_per_pixel, clock)
-    work = max(_BYTES_FOR_SUN if light.is_directional else _BYTES_FOR_POINT for light in shining)
-    # Each mask is there twice while shading, and the picture has three bytes per pixel.
-    size = min(samples.size, BLOCK) * work + samples.size * 2 * len(shining) + camera.width * camera.height * 3
-    require(size, f"after sampling, the rest of a picture of {camera.width} x {camera.height} pixels")
+        if stochastic is not None:
+            found: tuple[ViewSamples, ...] = (sample_stochastic(scene, camera, samples_per_pixel, stochastic, clock),)
+        else:
+            found = sample_layers(scene, camera, layers, samples_per_pixel, clock)
+    _require(scene, camera, shining, found)
     with clock.span("prepare"):
         caster = algorithm.prepare(scene, clock)
     masks = []
-    for light in shining:
-        with clock.span("shadow"):
-            masks.append(caster.shadow(light, samples, clock))
+    for layer in found:
+        of_layer = []
+        for light in shining:
+            with clock.span("shadow"):
+                of_layer.append(caster.shadow(light, layer, clock))
+        masks.append(tuple(of_layer))
     with clock.span("shade"):
-        pixels = shade(scene, camera, shining, samples, masks, up, clock)
-    return Image(pixels, samples, tuple(masks))
+        if len(found) == 1 and (layers == 1 or stochastic is not None):
+            pixels = shade(scene, camera, shining, found[0], masks[0], up, clock)
+        else:
+            pixels = shade(scene, camera, shining, found, masks, up, clock)
+    return Image(pixels, found[0], masks[0], found[1:], tuple(masks[1:]))
+
+
+def _require(scene: Scene, camera: Camera, lights: tuple[Light, ...], layers: tuple[ViewSamples, ...]) -> None:
+    """Refuse a picture of which shadows and shading would not fit into memory."""
+    work = max(_BYTES_FOR_SUN if light.is_directional else _BYTES_FOR_POINT for light in lights)
+    shares = 1 if transmission_of(scene) is None else _BYTES_FOR_SHARES
+    total, samples = len(layers) * layers[0].size, layers[0].size
+    # Each mask is there twice while shading, and the picture has three bytes per pixel.
+    size = min(samples, BLOCK) * work + total * 2 * len(lights) * shares + camera.width * camera.height * 3
+    several = f" in {len(layers)} layers (fewer need less)" if len(layers) > 1 else ""
+    require(size, f"after sampling, the rest of a picture of {camera.width} x {camera.height} pixels{several}")
 
 
 def default_sun(camera: Camera, up: Vector = (0.0, 1.0, 0.0)) -> Light:

@@ -38,6 +38,9 @@ class ViewSamples:
         `(...) float32` distance along the view direction in world units, infinite for background; images only.
     camera
         The camera of an image.
+    throughput
+        `(..., 3) float32` in [0, 1], of an image sampled stochastically: what the light that is shed at a sample
+        counts, per colour channel, so that on average a pixel's samples see what lies behind transparent surfaces.
     """
 
     triangle: NDArray[np.int32]
@@ -47,6 +50,7 @@ class ViewSamples:
     covered: NDArray[np.bool_]
     depth: NDArray[np.float32] | None = None
     camera: Camera | None = None
+    throughput: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         instance(self.triangle, np.ndarray, "ViewSamples.triangle")
@@ -173,6 +177,7 @@ class ViewSamples:
             covered=self.covered[start:stop],
             depth=None if self.depth is None else self.depth[start:stop],
             camera=self.camera,
+            throughput=None if self.throughput is None else self.throughput[start:stop],
         )
 
     def take(self, index: NDArray[np.intp]) -> "ViewSamples":

@@ -6,6 +6,7 @@ times texture and vertex colours. All is linear. What a thick body absorbs is no
 """
 
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,10 @@ class Transmission(NamedTuple):
         return Textures(self.texels, self.offset, self.size)
 
 
+# Textures are looked through once per scene: sampling, shadows and shading all ask.
+_TABLES: WeakKeyDictionary[Scene, Transmission | None] = WeakKeyDictionary()
+
+
 def transmission_of(scene: Scene) -> Transmission | None:
     """What the triangles of a scene let through; None when all are solid.
 
@@ -80,6 +85,12 @@ def transmission_of(scene: Scene) -> Transmission | None:
     InputError
         When it depends on a texture, and the scene has no texture coordinates.
     """
+    if scene not in _TABLES:
+        _TABLES[scene] = _table(scene)
+    return _TABLES[scene]
+
+
+def _table(scene: Scene) -> Transmission | None:
     materials = scene.materials
     kind_of, even = np.empty(len(materials), np.uint8), np.zeros((len(materials), 3))
     for index, material in enumerate(materials):
@@ -101,7 +112,8 @@ def transmission_of(scene: Scene) -> Transmission | None:
                 f"material {index} ({materials[index].name!r}): its texture decides how much light passes, but the "
                 "scene has no texture coordinates (Scene.uv)"
             )
-    textures = pack([m.texture if textured[i] and not m.casts_solid else None for i, m in enumerate(materials)])
+    wanted = textured & (scene.uv is not None)
+    textures = pack([m.texture if wanted[i] and not m.casts_solid else None for i, m in enumerate(materials)])
     return Transmission(
         kind,
         scene.material_id,
@@ -119,6 +131,9 @@ def transmission_of(scene: Scene) -> Transmission | None:
 
 def _alone(material: Material) -> tuple[int, NDArray[np.float64]]:
     """The kind of a material's triangles, vertex colours aside, and what passes if that is the same everywhere."""
+    nothing = np.zeros(3)
+    if material.casts_solid:
+        return SOLID, nothing
     color = np.array(material.base_color, np.float64)
     low = high = color
     if material.texture is not None:
@@ -131,7 +146,6 @@ def _alone(material: Material) -> tuple[int, NDArray[np.float64]]:
         "MASK": (float(low[3] >= material.alpha_cutoff), float(high[3] >= material.alpha_cutoff)),
         "BLEND": (float(low[3]), float(high[3])),
     }[material.alpha_mode]
-    nothing = np.zeros(3)
     if a_high == 0.0:
         return CLEAR, np.ones(3)
     if a_low != a_high or (material.transmission > 0.0 and (low[:3] != high[:3]).any()):
@@ -153,27 +167,41 @@ def _rows(values: NDArray[np.float32] | None, width: int) -> NDArray[np.float32]
 
 
 @inline
+def surface_at(triangles, material_id, base, cutoff, mode, uv, colors, texels, offset, size, t, wa, wb, wc):  # type: ignore[no-untyped-def]
+    """Colour c and opacity a, four numbers, of triangle t, which is not solid, at a place with these barycentrics.
+
+    Takes the arrays of a `Transmission` one by one: kernels unpack them once, since every access to a member of a tuple
+    counts references.
+    """
+    m = material_id[t]
+    a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+    red, green, blue, alpha = base[m, 0], base[m, 1], base[m, 2], base[m, 3]
+    if offset[m] >= 0:
+        u = wa * uv[a, 0] + wb * uv[b, 0] + wc * uv[c, 0]
+        v = wa * uv[a, 1] + wb * uv[b, 1] + wc * uv[c, 1]
+        r, g, bl, al = fetch(texels, offset, size, m, u, v)
+        red, green, blue, alpha = red * r, green * g, blue * bl, alpha * al
+    if len(colors) > 0:
+        red *= wa * colors[a, 0] + wb * colors[b, 0] + wc * colors[c, 0]
+        green *= wa * colors[a, 1] + wb * colors[b, 1] + wc * colors[c, 1]
+        blue *= wa * colors[a, 2] + wb * colors[b, 2] + wc * colors[c, 2]
+        alpha *= wa * colors[a, 3] + wb * colors[b, 3] + wc * colors[c, 3]
+    if mode[m] == OPAQUE or alpha > 1.0 - ROUNDING:
+        alpha = 1.0
+    if mode[m] == MASK:
+        alpha = 1.0 if alpha >= cutoff[m] - ROUNDING else 0.0
+    return red, green, blue, alpha
+
+
+@inline
 def passing(
     triangles: NDArray[np.int32], table: Transmission, t: int, wa: float, wb: float, wc: float
 ) -> tuple[float, float, float]:
     """What triangle t, of kind `VARYING`, lets through at a place with these barycentrics."""
-    m = table.material_id[t]
-    a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-    red, green, blue, alpha = table.base[m, 0], table.base[m, 1], table.base[m, 2], table.base[m, 3]
-    if table.offset[m] >= 0:
-        u = wa * table.uv[a, 0] + wb * table.uv[b, 0] + wc * table.uv[c, 0]
-        v = wa * table.uv[a, 1] + wb * table.uv[b, 1] + wc * table.uv[c, 1]
-        r, g, bl, al = fetch(table.texels, table.offset, table.size, m, u, v)
-        red, green, blue, alpha = red * r, green * g, blue * bl, alpha * al
-    if len(table.colors) > 0:
-        red *= wa * table.colors[a, 0] + wb * table.colors[b, 0] + wc * table.colors[c, 0]
-        green *= wa * table.colors[a, 1] + wb * table.colors[b, 1] + wc * table.colors[c, 1]
-        blue *= wa * table.colors[a, 2] + wb * table.colors[b, 2] + wc * table.colors[c, 2]
-        alpha *= wa * table.colors[a, 3] + wb * table.colors[b, 3] + wc * table.colors[c, 3]
-    if table.mode[m] == OPAQUE or alpha > 1.0 - ROUNDING:
-        alpha = 1.0
-    if table.mode[m] == MASK:
-        alpha = 1.0 if alpha >= table.cutoff[m] - ROUNDING else 0.0
-    share = alpha * table.transmitted[m]
+    material_id, _, _, base, _, cutoff, mode, uv, colors, texels, offset, size = table[1:]
+    red, green, blue, alpha = surface_at(
+        triangles, material_id, base, cutoff, mode, uv, colors, texels, offset, size, t, wa, wb, wc
+    )
+    share = alpha * table.transmitted[table.material_id[t]]
     clear = 1.0 - alpha
     return clear + share * red, clear + share * green, clear + share * blue

@@ -16,14 +16,29 @@ from umbrae.render import render
 from umbrae.scene import Scene
 
 
-def compile_kernels(methods: Sequence[Method], samples_per_pixel: int, clock: Clock) -> None:
-    """Compile what a rendering with these methods needs, or load it from the cache; raises what hinders one of them."""
-    for hindrance in try_out(methods, samples_per_pixel, clock):
+def compile_kernels(
+    methods: Sequence[Method],
+    samples_per_pixel: int,
+    clock: Clock,
+    transparent: bool = False,
+    stochastic: int | None = None,
+) -> None:
+    """Compile what a rendering with these methods needs, or load it from the cache; raises what hinders one of them.
+
+    `transparent` for a scene that lets light through, `stochastic` as for `render`.
+    """
+    for hindrance in try_out(methods, samples_per_pixel, clock, transparent, stochastic):
         if hindrance is not None:
             raise hindrance
 
 
-def try_out(methods: Sequence[Method], samples_per_pixel: int, clock: Clock) -> list[Exception | None]:
+def try_out(
+    methods: Sequence[Method],
+    samples_per_pixel: int,
+    clock: Clock,
+    transparent: bool = False,
+    stochastic: int | None = None,
+) -> list[Exception | None]:
     """Let each method render next to nothing, which compiles it; returns for each what hinders it, None if nothing.
 
     In a thread of its own: an interruption that arrives while LLVM calls back into Python is lost.
@@ -31,7 +46,9 @@ def try_out(methods: Sequence[Method], samples_per_pixel: int, clock: Clock) -> 
     with clock.span("compile kernels"):
         pool = ThreadPoolExecutor(1)
         try:
-            work = pool.submit(lambda: [_hindrance(method, samples_per_pixel) for method in methods])
+            work = pool.submit(
+                lambda: [_hindrance(method, samples_per_pixel, transparent, stochastic) for method in methods]
+            )
             if not wait([work], timeout=3.0).done and isinstance(clock, ConsoleClock):
                 note(
                     "first run: compiling takes up to a minute; kernels are cached, later starts are quick"
@@ -43,15 +60,19 @@ def try_out(methods: Sequence[Method], samples_per_pixel: int, clock: Clock) -> 
             pool.shutdown(wait=False)
 
 
-def _hindrance(method: Method, samples_per_pixel: int) -> Exception | None:
-    """Everything once on next to nothing: smooth normals, a texture, a mask."""
+def _hindrance(method: Method, samples_per_pixel: int, transparent: bool, stochastic: int | None) -> Exception | None:
+    """Everything once on next to nothing: smooth normals, a texture, a mask or glass."""
     corners = [(-1, 0, 1), (1, 0, 1), (0, 0, -1), (-1, 1, 1), (1, 1, 1), (0, 1, -1)]
-    leaf = Material(alpha_mode="MASK", texture=np.full((2, 2, 4), 255, np.uint8))
+    texture = np.full((2, 2, 4), 255, np.uint8)
+    leaf = Material(alpha_mode="MASK", texture=texture)
+    if transparent:
+        texture[0, 0] = 128
+        leaf = Material(alpha_mode="BLEND", texture=texture, transmission=0.5)
     up, flat = [(0, 1, 0)] * 6, [(0, 0)] * 6
     tiny = Scene(corners, [(0, 1, 2), (3, 4, 5)], [leaf], normals=up, uv=flat)
     camera = Camera.frame(tiny, width=16, height=16)
     try:
-        render(tiny, camera, [Light.sun(120, 60)], method=method, samples_per_pixel=samples_per_pixel)
+        render(tiny, camera, [Light.sun(120, 60)], method, samples_per_pixel, stochastic=stochastic)
     except Exception as error:
         return error
     return None

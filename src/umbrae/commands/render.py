@@ -11,7 +11,8 @@ from umbrae.arguments import Size
 from umbrae.clock import Clock
 from umbrae.commands.figure import Show, check, figure, kind_of, picture_height
 from umbrae.commands.model import load, note_if_nothing_is_seen
-from umbrae.console import ConsoleClock, print_json
+from umbrae.console import ConsoleClock, note, print_json
+from umbrae.errors import OptionError
 from umbrae.methods import make_method
 from umbrae.options import (
     DEFAULT_SIZE,
@@ -33,6 +34,7 @@ from umbrae.options import (
     given,
 )
 from umbrae.shade import mask_image
+from umbrae.transmission import transmission_of
 from umbrae.warmup import compile_kernels
 
 FRAME = ("sample", "shadow", "shade")
@@ -70,12 +72,22 @@ def render(
     ] = None,
     npz: Annotated[Path | None, typer.Option(metavar="FILE", help="Samples and masks as numpy arrays.")] = None,
     samples_per_pixel: Annotated[int, typer.Option(min=1, metavar="N", help="For smooth edges.")] = 1,
+    layers: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Surfaces to see through at most, one behind another.")
+    ] = 8,
+    stochastic: Annotated[
+        bool, typer.Option("--stochastic", help="See through surfaces by chance, with several samples per pixel.")
+    ] = False,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Chooses the chances of --stochastic.")] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Render MODEL with exact shadows."""
     clock = Clock() if as_json or quiet else ConsoleClock()
     algorithm = make_method(method, **given(counting=counting, determinism=determinism, counter=counter))
+    chances = _chances(stochastic, seed, samples_per_pixel, show)
+    if chances is not None and "transparency" in algorithm.options():
+        algorithm = make_method(algorithm, transparency="stochastic", seed=chances)
     view = size
     if show is not None:
         check(show, algorithm, len(light) + len(sun), samples_per_pixel, (mask, npz))
@@ -88,14 +100,16 @@ def render(
     scene = load(model, clock, written)
     camera = arguments.camera(scene, view, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up)
-    compile_kernels([algorithm], samples_per_pixel, clock)
+    compile_kernels([algorithm], samples_per_pixel, clock, transmission_of(scene) is not None, chances)
     if show is not None:
         image = figure(show, scene, camera, lights[0], algorithm, samples_per_pixel, up, clock)
     else:
-        image = um.render(scene, camera, lights, algorithm, samples_per_pixel, up, clock)
+        image = um.render(scene, camera, lights, algorithm, samples_per_pixel, up, clock, layers, chances)
     samples = image.samples
     assert samples is not None
     note_if_nothing_is_seen(samples)
+    if 1 < layers == len(image.layers):
+        note(f"as many layers as there may be, {layers}: --layers sees through more surfaces")
     with clock.span("write"):
         image.save(picture)
         for path, one in zip(mask_paths, image.masks, strict=bool(mask_paths)):
@@ -114,6 +128,8 @@ def render(
         size=list(size),
         samples=samples.size,
         covered=int(samples.covered.sum()),
+        layers=len(image.layers),
+        stochastic=chances,
         method=algorithm.name,
         options=algorithm.options(),
         guarantee=image.masks[0].guarantee,
@@ -132,3 +148,16 @@ def render(
         masks=[str(path) for path in mask_paths],
         npz=str(npz) if npz else None,
     )
+
+
+def _chances(stochastic: bool, seed: int | None, samples_per_pixel: int, show: Show | None) -> int | None:
+    """The seed of a picture that is made by chance; None for others."""
+    if not stochastic:
+        if seed is not None:
+            raise OptionError("--seed chooses the chances of --stochastic, which is not there")
+        return None
+    if show is not None:
+        raise OptionError(f"--show {show} draws a figure, which has no --stochastic")
+    if samples_per_pixel == 1:
+        raise OptionError("--stochastic: wanted --samples-per-pixel above 1, which average out the chances")
+    return seed or 0

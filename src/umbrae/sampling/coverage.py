@@ -38,6 +38,9 @@ BOX_SLACK = 2.0**-20
 CLIP_SLACK = 2.0**-48
 """A vertex made by clipping is off by less than 8 u (|x_0| + |x_1|) before its division by `near`."""
 
+QUANTA = float(1 << 24)
+"""Barycentrics are multiples of 2**-24: float32 holds them, their sum and their complement exactly."""
+
 
 Vertex = tuple[float, float, float]
 
@@ -153,3 +156,11 @@ def weights(a: Vertex, b: Vertex, c: Vertex, x: float, y: float) -> tuple[float,
     if not 0.0 < total < np.inf:
         return 1.0 / 3.0, 1.0 / 3.0
     return wb / total, wc / total
+
+
+@inline
+def barycentric(a: Vertex, b: Vertex, c: Vertex, x: float, y: float) -> tuple[float, float]:
+    """`weights` rounded to what a view sample holds: it is this point of the triangle, not the one beside it."""
+    u, v = weights(a, b, c, x, y)
+    u = np.rint(u * QUANTA) / QUANTA
+    return u, min(np.rint(v * QUANTA) / QUANTA, 1.0 - u)

@@ -8,11 +8,43 @@ from numpy.typing import NDArray
 
 from umbrae.parallel import expand, inline, kernel
 from umbrae.sampling.bands import Geometry, Picture, corners, has_area
-from umbrae.sampling.coverage import FILTER, Vertex, covers, orientation
-from umbrae.sampling.holes import Surface, seen_through
+from umbrae.sampling.coverage import FILTER, Vertex, barycentric, covers, orientation
+from umbrae.sampling.holes import EVERYWHERE, NOTHING, NOWHERE, Surface
+from umbrae.transmission import surface_at
 
 _WIDE = 8
 """A row's span is narrowed before its pixels are tested when the triangle's box is wider than this."""
+
+
+class Floor(NamedTuple):
+    """What has been peeled off: only what lies behind it, in order of (distance, triangle), is drawn.
+
+    Attributes
+    ----------
+    depth
+        Per sample of a band, distance in float64; infinite where nothing more is to be drawn. No entries before the
+        first layer.
+    triangle
+        Per sample, the triangle at that distance.
+    box
+        `(4,)` first and last row, first and last column, outside of which nothing is to be drawn.
+    """
+
+    depth: NDArray[np.float64]
+    triangle: NDArray[np.int32]
+    box: NDArray[np.int32]
+
+    @classmethod
+    def before_all(cls, picture: Picture) -> "Floor":
+        """Nothing has been peeled off."""
+        return cls(
+            np.empty(0), np.empty(0, np.int32), np.array([0, picture.height - 1, 0, picture.width - 1], np.int32)
+        )
+
+    @classmethod
+    def of(cls, samples: int) -> "Floor":
+        """Room for a band; not initialized."""
+        return cls(np.empty(samples), np.empty(samples, np.int32), np.empty(4, np.int32))
 
 
 class Drawn(NamedTuple):
@@ -89,6 +121,7 @@ def draw(
     surface: Surface,
     top: int,
     bottom: int,
+    floor: Floor,
     nearest: NDArray[np.float64],
     triangle: NDArray[np.int32],
     side: NDArray[np.int8],
@@ -98,7 +131,15 @@ def draw(
     Where one ties with what is there, the lower index wins.
     """
     width, height, per_pixel = picture.width, picture.height, len(picture.x)
+    holes, table = surface
+    material_id, _, _, base, _, cutoff, mode, uv, colors, texels, offset, size = table[1:]
+    triangles = geometry.triangles
+    floor_depth, floor_triangle, box = floor
+    peeling = len(floor_depth) > 0
+    top_row, bottom_row = max(top, box[0]), min(bottom - 1, box[1])
     for t in ids:
+        if holes[t] == EVERYWHERE:
+            continue
         a, b, c = corners(geometry, t)
         p, q, r, s, seen_side, f0, f1, f2 = drawn(a, b, c)
         if s == 0:
@@ -107,10 +148,10 @@ def draw(
         most_y = max(abs(p[1]), abs(q[1]), abs(r[1]))
         most_w = max(abs(p[2]), abs(q[2]), abs(r[2]))
         bound = FILTER * 2.0 * (most_w * (most_y * width + most_x * height) + most_x * most_y)
-        masked = surface.cutoff[surface.material_id[t]] >= 0.0
-        first_column, last_column = geometry.boxes[t, 2], geometry.boxes[t, 3]
+        has_holes = holes[t] != NOWHERE
+        first_column, last_column = max(geometry.boxes[t, 2], box[2]), min(geometry.boxes[t, 3], box[3])
         wide = last_column - first_column >= _WIDE
-        for row in range(max(top, geometry.boxes[t, 0]), min(bottom - 1, geometry.boxes[t, 1]) + 1):
+        for row in range(max(top_row, geometry.boxes[t, 0]), min(bottom_row, geometry.boxes[t, 1]) + 1):
             for k in range(per_pixel):
                 y = row + picture.y[k]
                 rest0, rest1, rest2 = f0[1] * y + f0[2], f1[1] * y + f1[2], f2[1] * y + f2[2]
@@ -134,8 +175,16 @@ def draw(
                     if w <= nearest[at] and w >= picture.near:
                         if w == nearest[at] and triangle[at] < t:
                             continue
-                        if masked and seen_through(geometry, surface, t, x, y):
+                        if peeling and (w < floor_depth[at] or (w == floor_depth[at] and t <= floor_triangle[at])):
                             continue
+                        if has_holes:
+                            u, v = barycentric(a, b, c, x, y)
+                            _, _, _, opacity = surface_at(
+                                triangles, material_id, base, cutoff, mode, uv, colors, texels, offset, size,
+                                t, 1.0 - u - v, u, v,
+                            )  # fmt: skip
+                            if opacity < NOTHING:
+                                continue
                         nearest[at] = w
                         triangle[at] = t
                         side[at] = seen_side

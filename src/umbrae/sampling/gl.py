@@ -29,8 +29,8 @@ from umbrae.parallel import kernel, run
 from umbrae.projection import camera_uniforms, unit_scale
 from umbrae.samples import ViewSamples
 from umbrae.sampling.bands import Picture, list_by_band, project
-from umbrae.sampling.drawing import draw, place
-from umbrae.sampling.holes import surface_of
+from umbrae.sampling.drawing import Floor, draw, place
+from umbrae.sampling.holes import NOWHERE, surface_of
 from umbrae.sampling.seen import Seen, picture_of, resolve, rows_per_band
 from umbrae.scene import Scene
 
@@ -72,11 +72,11 @@ def sample_gl(scene: Scene, camera: Camera, samples_per_pixel: int = 1, clock: C
     clock = clock or Clock()
     current = session()
     geometry, surface = project(scene, camera), surface_of(scene)
-    masked = surface.cutoff[scene.material_id] >= 0.0
+    masked = surface.holes != NOWHERE
     proposed, exact = ~masked, masked | _too_deep(scene, camera)
     refused = np.zeros(len(scene.triangles), bool)
     band_rows = rows_per_band(picture)
-    seen = Seen.of(picture)
+    seen, floor = Seen.of(picture), Floor.before_all(picture)
     while True:
         with current.current(), stage(current, clock, "rasterize"):
             _rasterize(current, scene, camera, picture, proposed, seen.triangle)
@@ -89,7 +89,7 @@ def sample_gl(scene: Scene, camera: Camera, samples_per_pixel: int = 1, clock: C
                 nearest = np.empty(len(part.depth))
                 place(geometry, picture, top, bottom, _TOLERANCE, nearest, part.triangle, part.side, refused)
                 ids = listed[begin[index] : begin[index + 1]]
-                draw(geometry, ids, picture, surface, top, bottom, nearest, part.triangle, part.side)
+                draw(geometry, ids, picture, surface, top, bottom, floor, nearest, part.triangle, part.side)
                 resolve(geometry, picture, top, bottom, part.triangle, part.barycentric, part.position)
                 part.depth[:] = nearest
 

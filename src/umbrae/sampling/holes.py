@@ -1,74 +1,76 @@
-"""Surfaces that are seen through where their alpha is too low."""
+"""Surfaces that are not there everywhere: holes of alpha mode MASK, and of BLEND where nothing is left."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.geometry.texture import Textures, fetch, pack
-from umbrae.material import Material
-from umbrae.parallel import inline
-from umbrae.sampling.bands import Geometry, corners
-from umbrae.sampling.coverage import weights
 from umbrae.scene import Scene
+from umbrae.transmission import BLEND, CLEAR, EVEN, MASK, OPAQUE, VARYING, Transmission, transmission_of
+
+NOWHERE, SOMEWHERE, EVERYWHERE = range(3)
+"""Where a triangle has holes."""
+
+NOTHING = 0.5 / 255
+"""Opacity below which there is nothing to be seen: it rounds to 0 in 8 bits."""
 
 
 class Surface(NamedTuple):
-    """What decides whether an alpha-masked surface is seen through."""
+    """What decides whether a sample sees through a triangle.
 
-    material_id: NDArray[np.int32]
-    cutoff: NDArray[np.float64]  # per material, -1 if opaque
-    alpha: NDArray[np.float64]  # per material, of the base colour
-    uv: NDArray[np.float32]  # (0, 2) if the scene has none
-    colors: NDArray[np.float32]  # (0, 4) if the scene has none
-    textures: Textures
+    Attributes
+    ----------
+    holes
+        `(t,) uint8`: `NOWHERE`, `SOMEWHERE` or `EVERYWHERE`.
+    table
+        What triangles let through; of a scene that is solid, one without rows.
+    """
+
+    holes: NDArray[np.uint8]
+    table: Transmission
 
 
 def surface_of(scene: Scene) -> Surface:
-    """A scene's surface as kernels want it."""
+    """A scene's surface as kernels want it.
 
-    def rows(values: NDArray[np.float32] | None, width: int) -> NDArray[np.float32]:
-        if values is not None:
-            return values
-        none = np.zeros((0, width), np.float32)
-        none.flags.writeable = False  # as the scene's own arrays: to Numba it is part of the type
-        return none
+    Holes of alpha mode MASK are those that the scene's shadows have: the same function decides, at the same point.
 
-    cutoff = np.array([_cutoff(material) for material in scene.materials])
-    return Surface(
-        scene.material_id,
-        cutoff,
-        np.array([material.base_color[3] for material in scene.materials]),
-        rows(scene.uv, 2),
-        rows(scene.colors, 4),
-        pack(
-            [
-                m.texture if cut >= 0 and scene.uv is not None else None
-                for m, cut in zip(scene.materials, cutoff, strict=True)
-            ]
-        ),
+    Raises
+    ------
+    InputError
+        When a texture decides, and the scene has no texture coordinates.
+    """
+    holes = np.full(len(scene.triangles), NOWHERE, np.uint8)
+    table = transmission_of(scene)
+    if table is None:
+        return Surface(holes, _without_rows(scene.material_id[:0]))
+    mode = table.mode[scene.material_id]
+    asks = (mode == MASK) & (table.kind == VARYING)
+    asks |= (mode == BLEND) & ((table.kind == VARYING) | (table.kind == EVEN))
+    holes[asks] = SOMEWHERE
+    # What lets everything through is not there at all, or is perfectly clear glass, which may have holes.
+    clear = (mode != OPAQUE) & (table.kind == CLEAR)
+    holes[clear] = np.where(table.transmitted[scene.material_id[clear]] == 1.0, SOMEWHERE, EVERYWHERE)
+    return Surface(holes, table)
+
+
+def _without_rows(none: NDArray[np.int32]) -> Transmission:
+    """A table of the same types; to Numba it is one of them that an array cannot be written to."""
+    numbers, rows, colors = np.zeros(0), np.zeros((0, 2), np.float32), np.zeros((0, 4), np.float32)
+    for array in (none, rows, colors):
+        array.flags.writeable = False
+    return Transmission(
+        kind=np.zeros(0, np.uint8),
+        material_id=none,
+        closed=np.zeros(0, bool),
+        even=np.zeros((0, 3)),
+        base=np.zeros((0, 4)),
+        transmitted=numbers,
+        cutoff=numbers,
+        mode=np.zeros(0, np.int8),
+        uv=rows,
+        colors=colors,
+        texels=np.zeros(0, np.uint8),
+        offset=np.zeros(0, np.int64),
+        size=np.zeros((0, 2), np.int64),
     )
-
-
-def _cutoff(material: Material) -> float:
-    """Alpha below which there is nothing to be seen; -1 for opaque surfaces."""
-    return {"OPAQUE": -1.0, "MASK": material.alpha_cutoff, "BLEND": 0.5 / 255}[material.alpha_mode]
-
-
-@inline
-def seen_through(geometry: Geometry, surface: Surface, t: int, x: float, y: float) -> bool:
-    """Whether the triangle, which is not opaque, has a hole at sample (x, y)."""
-    a, b, c = corners(geometry, t)
-    wb, wc = weights(a, b, c, x, y)
-    wa = 1.0 - wb - wc
-    i, j, k = geometry.triangles[t, 0], geometry.triangles[t, 1], geometry.triangles[t, 2]
-    material = surface.material_id[t]
-    alpha = surface.alpha[material]
-    if len(surface.colors) > 0:
-        alpha *= wa * surface.colors[i, 3] + wb * surface.colors[j, 3] + wc * surface.colors[k, 3]
-    if surface.textures.offset[material] >= 0:
-        u = wa * surface.uv[i, 0] + wb * surface.uv[j, 0] + wc * surface.uv[k, 0]
-        v = wa * surface.uv[i, 1] + wb * surface.uv[j, 1] + wc * surface.uv[k, 1]
-        textures = surface.textures
-        alpha *= fetch(textures.texels, textures.offset, textures.size, material, u, v)[3]
-    return bool(alpha < surface.cutoff[material])

@@ -12,15 +12,13 @@ from umbrae.memory import require
 from umbrae.parallel import kernel
 from umbrae.samples import ViewSamples
 from umbrae.sampling.bands import Geometry, Picture, corners
-from umbrae.sampling.coverage import weights
+from umbrae.sampling.coverage import barycentric as barycentric_at
 from umbrae.scene import Scene
 
 _BAND_ROWS = 16
 _BAND_SAMPLES = 1 << 18
 """A band's depth buffer has at most about this many samples (2 MiB)."""
-_QUANTA = float(1 << 24)
-"""Barycentrics are multiples of 2**-24: float32 holds them, their sum and their complement exactly."""
-_BYTES_PER_SAMPLE = 4 + 2 * 4 + 1 + 3 * 4 + 1 + 4
+BYTES_PER_SAMPLE = 4 + 2 * 4 + 1 + 3 * 4 + 1 + 4
 
 
 def picture_of(scene: Scene, camera: Camera, samples_per_pixel: int) -> Picture:
@@ -31,7 +29,7 @@ def picture_of(scene: Scene, camera: Camera, samples_per_pixel: int) -> Picture:
         raise OptionError(f"samples_per_pixel: wanted a whole number from 1, got {samples_per_pixel!r}")
     per_pixel, width, height = int(samples_per_pixel), camera.width, camera.height
     require(
-        width * height * per_pixel * _BYTES_PER_SAMPLE + len(scene.positions) * 24 + len(scene.triangles) * 16,
+        width * height * per_pixel * BYTES_PER_SAMPLE + len(scene.positions) * 24 + len(scene.triangles) * 16,
         f"a picture of {width} x {height} pixels with {per_pixel} samples each",
     )
     return Picture(width, height, camera.near, *pixel_offsets(per_pixel))
@@ -58,13 +56,30 @@ class Seen(NamedTuple):
             np.empty(total, np.float32),
         )
 
+    @classmethod
+    def background(cls, total: int) -> "Seen":
+        """So many samples that see nothing."""
+        return cls(
+            np.full(total, -1, np.int32),
+            np.zeros(total, np.int8),
+            np.zeros((total, 2), np.float32),
+            np.zeros((total, 3), np.float32),
+            np.full(total, np.inf, np.float32),
+        )
+
     def rows(self, picture: Picture, top: int, bottom: int) -> "Seen":
         """Rows `top` to `bottom` (excluded)."""
         row = picture.width * len(picture.x)
         part = slice(top * row, bottom * row)
         return Seen(self.triangle[part], self.side[part], self.barycentric[part], self.position[part], self.depth[part])
 
-    def samples(self, camera: Camera) -> ViewSamples:
+    def put(self, other: "Seen", where: NDArray[np.bool_] | slice) -> None:
+        """Take over another one's entries at some places."""
+        self.triangle[where], self.side[where] = other.triangle[where], other.side[where]
+        self.barycentric[where], self.position[where] = other.barycentric[where], other.position[where]
+        self.depth[where] = other.depth[where]
+
+    def samples(self, camera: Camera, throughput: NDArray[np.float32] | None = None) -> ViewSamples:
         """The picture that the camera sees."""
         per_pixel = len(self.triangle) // (camera.width * camera.height)
         shape = (camera.height, camera.width) if per_pixel == 1 else (camera.height, camera.width, per_pixel)
@@ -76,6 +91,7 @@ class Seen(NamedTuple):
             covered=(self.triangle >= 0).reshape(shape),
             depth=self.depth.reshape(shape),
             camera=camera,
+            throughput=None if throughput is None else throughput.reshape(*shape, 3),
         )
 
 
@@ -104,9 +120,7 @@ def resolve(
                 t = triangle[at]
                 if t >= 0:
                     a, b, c = corners(geometry, t)
-                    u, v = weights(a, b, c, column + picture.x[k], row + picture.y[k])
-                    u = np.rint(u * _QUANTA) / _QUANTA
-                    v = min(np.rint(v * _QUANTA) / _QUANTA, 1.0 - u)
+                    u, v = barycentric_at(a, b, c, column + picture.x[k], row + picture.y[k])
                     for axis in range(3):
                         from_a = np.float64(positions[triangles[t, 0], axis])
                         to_b = positions[triangles[t, 1], axis] - from_a
