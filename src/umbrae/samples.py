@@ -39,8 +39,8 @@ class ViewSamples:
     camera
         The camera of an image.
     throughput
-        `(..., 3) float32` in [0, 1], of an image sampled stochastically: what the light that is shed at a sample
-        counts, per colour channel, so that on average a pixel's samples see what lies behind transparent surfaces.
+        `(..., 3) float32`, of an image sampled stochastically: what the light that is shed at a sample counts, per
+        colour channel, so that on average a pixel's samples see what lies behind transparent surfaces.
     """
 
     triangle: NDArray[np.int32]

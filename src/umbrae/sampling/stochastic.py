@@ -3,8 +3,8 @@
 A sample goes through its surfaces front to back. One that lets the shares f pass per colour channel is passed with
 probability p = max f, and what is seen behind counts f / p; it is seen itself with probability 1 - p, and what it
 sheds, of which layers put together count the opacity a, counts a / (1 - p). So the mean is that of all surfaces put
-together, in each channel, and no sample ever counts more than 1. Without transmission every one counts 1, which is the
-paper's case.
+together, in each channel; and no sample outshines what it sees, since the share that is shed is at most a (1 - p).
+Without transmission every sample counts 1, which is the paper's case.
 
 Sintorn et al. (2011, section 3.2) propose it for transparent receivers of shadows. Deviations: colours, by the factors
 above; surfaces are found by peeling instead of a depth test, since a factor is that of all surfaces passed. As in the
