@@ -118,3 +118,17 @@ def test_what_cannot_be_spread_is_refused():
     for options, message in (((0, 1.0), "a count of at least 1, got 0"), ((4, 0.0), "a width > 0 in pixels, got 0.0")):
         with pytest.raises(um.OptionError, match=message):
             filtered_shadow(scene, caster, DOWN, samples, *options)
+
+
+def test_render_filters_or_says_why_not():
+    scene, camera = floor_and_blocker(0.03), from_above(8)
+    picture = um.render(scene, camera, DOWN, antialiasing="derivative", filter_width=3.0)
+    partial = picture.masks[0].partial
+    assert partial is not None and ((partial > 0) & (partial < 1)).any()
+    for options, message in (
+        ({"antialiasing": "msaa"}, "antialiasing: wanted one of samples, derivative, got 'msaa'"),
+        ({"antialiasing": "derivative", "samples_per_pixel": 4}, "takes one sample per pixel, got 4"),
+        ({"antialiasing": "derivative", "method": "silhouette-ts"}, "silhouette-ts takes whole pictures only"),
+    ):
+        with pytest.raises(um.OptionError, match=message):
+            um.render(scene, camera, DOWN, **options)

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable
 
+from umbrae.antialiasing import filtered_shadow
 from umbrae.camera import Camera
-from umbrae.checks import Vector, instance, vector
+from umbrae.checks import Vector, instance, shown, vector
 from umbrae.clock import Clock
-from umbrae.errors import InputError
+from umbrae.errors import InputError, OptionError
 from umbrae.image import Image
 from umbrae.light import Light
 from umbrae.memory import require
@@ -18,6 +19,7 @@ from umbrae.scene import Scene
 from umbrae.shade import shade, up_axis
 from umbrae.transmission import transmission_of
 
+ANTIALIASING = ("samples", "derivative")
 _BYTES_FOR_SUN, _BYTES_FOR_POINT = 70, 180
 """What shadows take for each sample of a block, measured; for a point light as if it stood amid the scene."""
 _BYTES_FOR_SHARES = 13
@@ -36,6 +38,8 @@ def render(
     clock: Clock | None = None,
     layers: int = 8,
     stochastic: int | None = None,
+    antialiasing: str = "samples",
+    filter_width: float = 1.0,
 ) -> Image:
     """Make a picture with shadows: sample what the camera sees, decide the shadows, shade.
 
@@ -62,14 +66,19 @@ def render(
     stochastic
         A seed: each sample sees one surface, by chance (`sample_stochastic`), which takes less memory than layers and
         is noisy; meant for many samples per pixel.
+    antialiasing
+        "samples" smooths edges by several samples per pixel, "derivative" those of shadows alone, with one: the
+        footprint of each pixel on the surface that it sees is filtered (`antialiasing.filtered_shadow`).
+    filter_width
+        Side of that footprint in pixels; more than 1 blurs.
 
     Raises
     ------
     InputError
         For no lights, or an up vector of zero.
     OptionError
-        For an unknown method, samples per pixel or layers that are not a whole number from 1, or a seed that is none
-        from 0.
+        For an unknown method or kind of antialiasing, samples per pixel or layers that are not a whole number from 1,
+        a seed that is none from 0, or a filter width that is not positive.
     CapacityError
         When the picture would not fit into memory.
     """
@@ -82,6 +91,7 @@ def render(
     shining = _lights(lights, camera, up)
     algorithm = make_method(method)
     check_layers(layers)
+    filtered = _is_filtered(antialiasing, samples_per_pixel, algorithm)
     with clock.span("sample"):
         if stochastic is not None:
             found: tuple[ViewSamples, ...] = (sample_stochastic(scene, camera, samples_per_pixel, stochastic, clock),)
@@ -95,7 +105,10 @@ def render(
         of_layer = []
         for light in shining:
             with clock.span("shadow"):
-                of_layer.append(caster.shadow(light, layer, clock))
+                if filtered:
+                    of_layer.append(filtered_shadow(scene, caster, light, layer, width=filter_width, clock=clock))
+                else:
+                    of_layer.append(caster.shadow(light, layer, clock))
         masks.append(tuple(of_layer))
     with clock.span("shade"):
         if len(found) == 1 and (layers == 1 or stochastic is not None):
@@ -103,6 +116,21 @@ def render(
         else:
             pixels = shade(scene, camera, shining, found, masks, up, clock)
     return Image(pixels, found[0], masks[0], found[1:], tuple(masks[1:]))
+
+
+def _is_filtered(antialiasing: str, samples_per_pixel: int, method: Method) -> bool:
+    """Whether shadows are filtered; refuses what filtering cannot work with."""
+    if antialiasing not in ANTIALIASING:
+        raise OptionError(f"antialiasing: wanted one of {', '.join(ANTIALIASING)}, got {shown(antialiasing)}")
+    if antialiasing == "samples":
+        return False
+    if samples_per_pixel != 1:
+        raise OptionError(f"antialiasing 'derivative' takes one sample per pixel, got {samples_per_pixel}")
+    if "points" not in method.accepts:
+        raise OptionError(
+            f"antialiasing 'derivative': {method.name} takes whole pictures only, and footprints are points"
+        )
+    return True
 
 
 def _require(scene: Scene, camera: Camera, lights: tuple[Light, ...], layers: tuple[ViewSamples, ...]) -> None:

@@ -25,6 +25,7 @@ from umbrae.options import (
     Json,
     MethodName,
     Model,
+    Opaque,
     Points,
     Quiet,
     SizeOption,
@@ -79,6 +80,17 @@ def render(
         bool, typer.Option("--stochastic", help="See through surfaces by chance, with several samples per pixel.")
     ] = False,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Chooses the chances of --stochastic.")] = None,
+    antialiasing: Annotated[
+        str,
+        typer.Option(
+            metavar="samples|derivative",
+            help="Smooth edges by samples per pixel, or those of shadows alone by filtering each pixel's footprint.",
+        ),
+    ] = "samples",
+    filter_width: Annotated[
+        float, typer.Option(metavar="PIXELS", help="Of the footprint of --antialiasing derivative; more blurs.")
+    ] = 1.0,
+    opaque: Opaque = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -90,6 +102,8 @@ def render(
         algorithm = make_method(algorithm, transparency="stochastic", seed=chances)
     view = size
     if show is not None:
+        if antialiasing != "samples":
+            raise OptionError(f"--show {show} draws a figure, which has no --antialiasing")
         check(show, algorithm, len(light) + len(sun), samples_per_pixel, (mask, npz))
         view = Size(size.width, picture_height(show, *size))
     picture = output or Path(f"{model.stem}.png")
@@ -97,14 +111,26 @@ def render(
     outputs.check(model, [picture, *mask_paths], npz)
     written = [picture, *mask_paths, *([npz] if npz else [])]
 
-    scene = load(model, clock, written)
+    scene = load(model, clock, written, opaque)
     camera = arguments.camera(scene, view, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up)
     compile_kernels([algorithm], samples_per_pixel, clock, transmission_of(scene) is not None, chances)
     if show is not None:
         image = figure(show, scene, camera, lights[0], algorithm, samples_per_pixel, up, clock)
     else:
-        image = um.render(scene, camera, lights, algorithm, samples_per_pixel, up, clock, layers, chances)
+        image = um.render(
+            scene,
+            camera,
+            lights,
+            algorithm,
+            samples_per_pixel,
+            up,
+            clock,
+            layers,
+            chances,
+            antialiasing,
+            filter_width,
+        )
     samples = image.samples
     assert samples is not None
     note_if_nothing_is_seen(samples)
@@ -130,6 +156,8 @@ def render(
         covered=int(samples.covered.sum()),
         layers=len(image.layers),
         stochastic=chances,
+        antialiasing=antialiasing,
+        opaque=opaque,
         method=algorithm.name,
         options=algorithm.options(),
         guarantee=image.masks[0].guarantee,

@@ -24,6 +24,7 @@ from umbrae.options import (
     Fov,
     Json,
     Model,
+    Opaque,
     Points,
     Quiet,
     SizeOption,
@@ -84,6 +85,7 @@ def verify(
     light: Points = [],  # noqa: B006
     sun: Suns = [],  # noqa: B006
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of the random choice of samples.")] = 0,
+    opaque: Opaque = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -91,7 +93,7 @@ def verify(
     clock = Clock() if as_json or quiet else ConsoleClock()
     every = method == EVERY
     algorithms = _algorithms(method, given(counting=counting, determinism=determinism, counter=counter))
-    scene = load(model, clock)
+    scene = load(model, clock, opaque=opaque)
     camera = arguments.camera(scene, size, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up)
     hindrances = try_out([*algorithms, make_method(JUDGE)], 1, clock)
