@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from umbrae.errors import InputError
 from umbrae.geometry.texture import SRGB_TO_LINEAR, Textures, fetch, pack
 from umbrae.material import Material
-from umbrae.parallel import inline
+from umbrae.parallel import expand
 from umbrae.scene import Scene
 
 SOLID, CLEAR, EVEN, VARYING = range(4)
@@ -81,6 +81,8 @@ def transmission_of(scene: Scene) -> Transmission | None:
         When it depends on a texture, and the scene has no texture coordinates.
     """
     materials = scene.materials
+    if all(material.casts_solid for material in materials):
+        return None
     kind_of, even = np.empty(len(materials), np.uint8), np.zeros((len(materials), 3))
     for index, material in enumerate(materials):
         kind_of[index], even[index] = _alone(material)
@@ -150,7 +152,7 @@ def _rows(values: NDArray[np.float32] | None, width: int) -> NDArray[np.float32]
     return none
 
 
-@inline
+@expand
 def passing(
     triangles: NDArray[np.int32], table: Transmission, t: int, wa: float, wb: float, wc: float
 ) -> tuple[float, float, float]:
