@@ -28,8 +28,12 @@ def inline(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def expand(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function that is always copied into its caller, so that loops which call it become vector code."""
-    return _compiled(function, forceinline=True)
+    """Compile a function that is always copied into its caller, so that loops which call it become vector code.
+
+    It allocates nothing and returns no array, so that it need not count references to the arrays it is given: each
+    would be an atomic operation, on memory that all threads share.
+    """
+    return _compiled(function, forceinline=True, _nrt=False)
 
 
 def kernels_are_cached() -> bool:
@@ -42,6 +46,8 @@ _without_cache: list[str] = []
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
     compiled: Callable[..., Any]
+    # Given always: what is left open, Numba takes from whichever function happens to call first.
+    options = {"forceinline": False, "_nrt": True, **options}
     try:
         compiled = njit(cache=True, nogil=True, error_model="numpy", **options)(function)
     except RuntimeError:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from umbrae.errors import InputError
 from umbrae.geometry.texture import SRGB_TO_LINEAR, Textures, fetch, pack
 from umbrae.material import Material
-from umbrae.parallel import inline
+from umbrae.parallel import expand
 from umbrae.scene import Scene
 
 SOLID, CLEAR, EVEN, VARYING = range(4)
@@ -92,6 +92,8 @@ def transmission_of(scene: Scene) -> Transmission | None:
 
 def _table(scene: Scene) -> Transmission | None:
     materials = scene.materials
+    if all(material.casts_solid for material in materials):
+        return None
     kind_of, even = np.empty(len(materials), np.uint8), np.zeros((len(materials), 3))
     for index, material in enumerate(materials):
         kind_of[index], even[index] = _alone(material)
@@ -166,7 +168,7 @@ def _rows(values: NDArray[np.float32] | None, width: int) -> NDArray[np.float32]
     return none
 
 
-@inline
+@expand
 def surface_at(triangles, material_id, base, cutoff, mode, uv, colors, texels, offset, size, t, wa, wb, wc):  # type: ignore[no-untyped-def]
     """Colour c and opacity a, four numbers, of triangle t, which is not solid, at a place with these barycentrics.
 
@@ -193,7 +195,7 @@ def surface_at(triangles, material_id, base, cutoff, mode, uv, colors, texels, o
     return red, green, blue, alpha
 
 
-@inline
+@expand
 def passing(
     triangles: NDArray[np.int32], table: Transmission, t: int, wa: float, wb: float, wc: float
 ) -> tuple[float, float, float]:

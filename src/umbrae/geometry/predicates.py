@@ -45,7 +45,7 @@ Milet et al., Algorithm 2), so that two triangles which share an edge compute bi
 import numpy as np
 
 from umbrae.geometry.expansion import MAX_TERMS, dot_sign
-from umbrae.parallel import inline
+from umbrae.parallel import expand, inline
 
 FILTER = 2.0**-49
 
@@ -148,7 +148,7 @@ def exact_facing(positions, i, j, k, light):
     return dot_sign(toward, 2, plane_normal_terms(a, b, c), 6)
 
 
-@inline
+@expand
 def surface_point(positions, triangles, own, u, v, point):
     """Put a sample's position in float64 into `point` and return M, the magnitude that bounds its rounding.
 
@@ -327,7 +327,7 @@ def shadows(positions, triangles, t, facing_t, light, own, u, v, side, point, cl
     return EXACT | SHADOWED
 
 
-@inline
+@expand
 def hit_weights(positions, triangles, t, light, point):
     """Barycentrics of the place where the ray from a sample to the light meets triangle t, which shadows it.
 

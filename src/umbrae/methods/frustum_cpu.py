@@ -13,19 +13,25 @@ from umbrae.geometry.solids import Solids, find_solids
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.frustum_leaves import COUNTERS, Receivers
-from umbrae.methods.frustum_transmission import QUEUE, Dimming, cover_queued
+from umbrae.methods.frustum_transmission import Dimming, cover_queued
 from umbrae.methods.frustum_traversal import CLUSTERS, merge, traverse_batch, write_out
+from umbrae.methods.lanes import LANES
 from umbrae.methods.light_frame import POSITION_ERROR, LightFrame, light_frames, surface_error
 from umbrae.methods.method import Caster, Method
 from umbrae.methods.sample_tree import SampleTree, build
-from umbrae.methods.transmission_buffer import Dice, make_buffer, merge_sums, terms, write_shares
+from umbrae.methods.transmission_buffer import Dice, leave_out, merge_sums, reserve, terms, write_shares
 from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles, light_sides
 from umbrae.parallel import run, thread_count
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
-from umbrae.transmission import CLEAR, SOLID, transmission_of
+from umbrae.transmission import CLEAR, SOLID, Transmission, transmission_of
 
 _LEAVES_PER_TASK = 4096
+
+_SAMPLES_PER_TASK = 65536
+
+QUEUE = 4096
+"""Nodes that a task may leave for later (see `frustum_transmission`); more are refined."""
 
 _QUEUED_LEAVES = 256
 """Leaves that a queued node is split into, at most, for one thread."""
@@ -98,12 +104,20 @@ class Frustum(Method):
         return FrustumCaster(scene, self, clock)
 
 
+class _Sheer(NamedTuple):
+    """Triangles that let some light through: what each material does, as sums take it, and clusters of them."""
+
+    table: Transmission
+    even: NDArray[np.int64]
+    clusters: TriangleClusters
+
+
 class _Sides(NamedTuple):
-    """The side of triangles that the light is on: all `(t,)`, and by clusters the solid ones and all others."""
+    """The side of triangles that the light is on: of all but clear ones `(t,)`, of clusters of solid and sheer ones."""
 
     own: NDArray[np.int8]
     solid: NDArray[np.int8]
-    open: NDArray[np.int8] | None
+    sheer: NDArray[np.int8]
 
 
 class FrustumCaster(Caster):
@@ -112,27 +126,29 @@ class FrustumCaster(Caster):
     def __init__(self, scene: Scene, method: Frustum, clock: Clock | None) -> None:
         self.scene = scene
         self.method = method
-        self.table = transmission_of(scene)
-        self.solids: Solids | None = None
-        self.open: TriangleClusters | None = None
-        solid = np.ones(len(scene.triangles), bool)
-        if self.table is None:
+        self.sheer: _Sheer | None = None
+        self.solid: NDArray[np.bool_] | None = None
+        table = transmission_of(scene)
+        if table is None:
             self.clusters = cluster_triangles(scene, clock)
             self.bounds = self.clusters.bounds
         else:
-            solid, lets_through = self.table.kind == SOLID, self.table.kind > CLEAR
-            self.clusters = cluster_triangles(scene, clock, np.flatnonzero(solid))
+            self.solid = table.kind == SOLID
+            self.clusters = cluster_triangles(scene, clock, np.flatnonzero(self.solid))
             self.bounds = scene.bounds.astype(np.float64)
-            if lets_through.any():
-                self.open = cluster_triangles(scene, clock, np.flatnonzero(lets_through))
+            sheer = np.flatnonzero(table.kind > CLEAR)
+            if len(sheer):
+                self.sheer = _Sheer(table, terms(table.even), cluster_triangles(scene, clock, sheer))
+        self.solids: Solids | None = None
         if method.front_face_culling and len(scene.triangles):
-            self.solids = find_solids(scene.positions, scene.triangles, solid)
+            allowed = np.ones(len(scene.triangles), bool) if self.solid is None else self.solid
+            self.solids = find_solids(scene.positions, scene.triangles, allowed)
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         samples.check(self.scene)
         clock = clock or Clock()
         in_shadow = np.zeros(samples.size, bool)
-        partial = None if self.open is None else np.ones((samples.size, 3), np.float32)
+        partial = None if self.sheer is None else np.ones((samples.size, 3), np.float32)
         stats = np.zeros(len(COUNTERS), np.int64)
         if len(self.scene.triangles) and samples.size:
             source = light.position.astype(np.float64)
@@ -160,10 +176,12 @@ class FrustumCaster(Caster):
     def _sides(self, source: NDArray[np.float64], clock: Clock) -> _Sides:
         own = np.zeros(len(self.scene.triangles), np.int8)
         clustered = light_sides(self.scene, self.clusters, source, own, clock)
-        others = None if self.open is None else light_sides(self.scene, self.open, source, own, clock)
+        sheer = np.zeros((0, LANES), np.int8)
+        if self.sheer is not None:
+            sheer = light_sides(self.scene, self.sheer.clusters, source, own, clock)
         if self.solids is not None:
             self._cull(self.solids, source, clustered)
-        return _Sides(own, clustered, others)
+        return _Sides(own, clustered, sheer)
 
     def _shadow_block(
         self,
@@ -182,8 +200,11 @@ class FrustumCaster(Caster):
             error = POSITION_ERROR * largest + surface_error(bounds) if on_surface else 0.0
             frames = light_frames(source, bounds, error)
             limits = error, 2.0**-50 * largest
-            shading = sides.own if self.table is None else np.where(self.table.kind == SOLID, sides.own, np.int8(0))
-            leaves, trees = build(samples, shading, source, frames, limits, in_shadow, clock)
+            shading = sides.own if self.solid is None else np.where(self.solid, sides.own, np.int8(0))
+            covered = samples.covered.reshape(-1)
+            if self.sheer is not None:
+                covered = self._not_behind_own(self.sheer.table, samples, sides.own, in_shadow, clock)
+            leaves, trees = build(samples, covered, shading, source, frames, limits, in_shadow, clock)
             if partial is not None:
                 partial[in_shadow] = 0.0
         raw = samples.barycentric.reshape(-1, 2), samples.side.reshape(-1), samples.position.reshape(-1, 3)
@@ -196,19 +217,39 @@ class FrustumCaster(Caster):
                 merge(tree.level, tree.full)
                 if partial is None:
                     _write_out(tree, leaves.ids, in_shadow, clock)
-        if partial is not None and self.open is not None and sides.open is not None and self.table is not None:
-            buffers = [make_buffer(tree, dice) for _, tree in active]
+        if self.sheer is not None and partial is not None and active:
             with clock.span("transmission"):
-                even = terms(self.table.even)
-                dimming = [Dimming(self.table, even, buffer, dice, *_queue(0)) for buffer in buffers]
-                stats += _traverse(self.open, sides.open, active, receivers, dimming, clock)
+                table, even, clusters = self.sheer
+                whole, buffers = reserve([tree for _, tree in active], dice)
+                dimming = [Dimming(table, even, buffer, dice, *_queue(0)) for buffer in buffers]
+                stats += _traverse(clusters, sides.sheer, active, receivers, dimming, clock)
             with clock.span("merge"):
                 for (_, tree), buffer in zip(active, buffers, strict=True):
                     if dice.strata == 0:
                         merge_sums(tree.level, buffer)
-                    _write_shares(tree, clock, receivers, sides.own, self.table, buffer, dice, in_shadow, partial)
+                    _write_shares(tree, clock, receivers, sides.own, table, buffer, dice, in_shadow, partial)
+            whole.release()
         leaves.release(sum(len(tree.slot) for _, tree in active))
         return stats
+
+    def _not_behind_own(
+        self,
+        table: Transmission,
+        samples: ViewSamples,
+        facing: NDArray[np.int8],
+        in_shadow: NDArray[np.bool_],
+        clock: Clock,
+    ) -> NDArray[np.bool_]:
+        """`covered (n,)` without samples whose own triangle is turned away and opaque there; sets those `in_shadow`."""
+        covered = samples.covered.reshape(-1).copy()
+        raw = samples.triangle.reshape(-1), samples.barycentric.reshape(-1, 2), samples.side.reshape(-1)
+
+        def task(number: int) -> None:
+            start, stop = number * _SAMPLES_PER_TASK, min((number + 1) * _SAMPLES_PER_TASK, samples.size)
+            leave_out(start, stop, self.scene.triangles, *raw, facing, table, covered, in_shadow)
+
+        run(task, -(-samples.size // _SAMPLES_PER_TASK), clock)
+        return covered
 
     def _cull(self, solids: Solids, source: NDArray[np.float64], clustered: NDArray[np.int8]) -> None:
         """Let the triangles of solids that face away from the light cast nothing."""

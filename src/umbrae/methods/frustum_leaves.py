@@ -97,7 +97,7 @@ def settle(slot, lane, t, closed, receivers, point, stats):
     return answer & SHADOWED
 
 
-@inline
+@expand
 def darken_leaf(slot, listed, masked, entries, number_of, order, rows, receivers, point, stats):
     """Set the samples of a leaf in shadow that frusta of solid triangles hold; returns the mask of all dark lanes."""
     ids = receivers.ids

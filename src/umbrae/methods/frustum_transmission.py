@@ -3,13 +3,14 @@
 They go down the tree after all solid ones, so that what those shadow is skipped: the two passes of section 5, with
 the solid triangles as the good blockers. Three things differ from solid ones.
 
-A triangle that lets the same share through everywhere adds its logarithm to the largest nodes it accepts. A textured
-one gives trivial acceptance up: the samples below an accepted node look the texture up, without further plane tests. So
-does any triangle where chance decides, which rolls for each sample.
+A triangle that lets the same share through everywhere adds its logarithm to the largest nodes that lie in its shadow.
+A textured one gives trivial acceptance up: each sample looks the texture up, at its own place. So does any triangle
+where chance decides, which rolls for each sample.
 
-Accepted nodes of many samples go onto a queue, from which all threads then take ranges of leaves. Else a few triangles
-that shadow much of the picture would leave one thread alone with all the look-ups, which the paper describes, and
-names such a queue as the remedy.
+Nodes of many samples that lie in such a triangle's shadow go onto a queue, from which all threads then take ranges of
+leaves, whose samples need no plane tests. Else a few triangles that shadow much of the picture would leave one thread
+alone with all the look-ups, which the paper describes, and names such a queue as the remedy. Smaller nodes are refined
+like any other: next to the look-ups, the plane tests of 16 samples at once cost nothing.
 
 Side planes are half-open: a pixel on the diagonal of a pane gets through it once. Only pairs that float32 leaves open
 can be affected, and `settle` asks the predicate about those.
@@ -33,11 +34,8 @@ from umbrae.methods.frustum_leaves import (
 from umbrae.methods.lanes import ALL, LANES, count, equal, lowest
 from umbrae.methods.sample_clusters import DARK, OWN, SAMPLE
 from umbrae.methods.transmission_buffer import Dice, TransmissionBuffer, deposit, deposit_shares, roll
-from umbrae.parallel import inline, kernel
+from umbrae.parallel import expand, kernel
 from umbrae.transmission import EVEN, Transmission, passing
-
-QUEUE = 4096
-"""Accepted nodes that a task may leave for later; more are dealt with at once."""
 
 LARGE = 2
 """Nodes of 16**2 leaves, or 4096 samples, and larger ones are left for later."""
@@ -46,8 +44,8 @@ LARGE = 2
 class Dimming(NamedTuple):
     """What a task needs about triangles that let light through.
 
-    `even (m, 3)` the terms of what materials let through that is the same everywhere; `queue (QUEUE, 3)` triangle,
-    first leaf and the one after the last; `queued (1,)` how many there are.
+    `even (m, 3)` the terms of what materials let through that is the same everywhere; `queue (n, 3)` has room for
+    triangle, first leaf and the one after the last; `queued (1,)` how many there are.
     """
 
     table: Transmission
@@ -58,14 +56,14 @@ class Dimming(NamedTuple):
     queued: NDArray[np.int64]
 
 
-@inline
+@expand
 def deposit_even(dimming, row, lane, m):
     """`deposit` for a triangle of material m that lets the same through everywhere."""
     even = dimming.even
     return deposit(dimming.buffer, row, lane, even[m, 0], even[m, 1], even[m, 2])
 
 
-@inline
+@expand
 def dim_sample(number, slot, lane, t, receivers, dimming, point, stats):
     """Dim the light of a sample in triangle t's shadow; returns whether it is dark now."""
     ids, table, buffer, dice = receivers.ids, dimming.table, dimming.buffer, dimming.dice
@@ -81,11 +79,13 @@ def dim_sample(number, slot, lane, t, receivers, dimming, point, stats):
             red, green, blue = table.even[m, 0], table.even[m, 1], table.even[m, 2]
         else:
             stats[LOOKUPS] += 1
-            for axis in range(3):
-                point[axis] = receivers.position[index, axis]
             positions, triangles = receivers.positions, receivers.triangles
-            u, v = np.float64(receivers.barycentric[index, 0]), np.float64(receivers.barycentric[index, 1])
-            surface_point(positions, triangles, own, u, v, point)
+            if own < 0:
+                for axis in range(3):
+                    point[axis] = receivers.position[index, axis]
+            else:
+                u, v = np.float64(receivers.barycentric[index, 0]), np.float64(receivers.barycentric[index, 1])
+                surface_point(positions, triangles, own, u, v, point)
             wa, wb, wc = hit_weights(positions, triangles, t, receivers.light, point)
             red, green, blue = passing(triangles, table, t, wa, wb, wc)
         if red == 1.0 and green == 1.0 and blue == 1.0:
@@ -99,7 +99,7 @@ def dim_sample(number, slot, lane, t, receivers, dimming, point, stats):
     return dark
 
 
-@inline
+@expand
 def dim_leaf(
     group, child, number, slot, listed, masked, entries, number_of, order, rows, receivers, dimming, point, stats
 ):
@@ -128,53 +128,50 @@ def dim_leaf(
                 deposit_even(dimming, group, child, m)  # what the dark ones get does not matter
                 continue
             while sure:
-                other = lowest(sure)
+                other = np.int64(lowest(sure))
                 sure &= sure - np.int32(1)
                 if dim_sample(number, slot, other, t, receivers, dimming, point, stats):
                     dark |= np.int32(1) << other
     return dark
 
 
-@inline
-def accept_node(group, child, number, below, order, cluster, accepted, tree, receivers, dimming, point, stats):
-    """Let the triangles of a cluster that are in the mask `accepted` dim all samples below a node.
+@expand
+def accept_node(group, child, number, below, order, cluster, accepted, leaves, dimming, stats):
+    """Let triangles of a cluster dim the samples below a node that lies in their shadow, now or later.
 
-    The node is child `child` of `group`, and number `number` of those that hold 16**below leaves each.
+    The node is child `child` of `group`, and number `number` of those that hold 16**below of the `leaves` each. Returns
+    the mask of those in `accepted` that are done with it; it must be refined for the others.
     """
+    done = np.int32(0)
     while accepted:
-        t = order[cluster * LANES + lowest(accepted)]
+        lane = np.int64(lowest(accepted))
         accepted &= accepted - np.int32(1)
+        t = order[cluster * LANES + lane]
+        waiting = dimming.queued[0]
         if dimming.table.kind[t] == EVEN and dimming.dice.strata == 0:
             deposit_even(dimming, group, child, dimming.table.material_id[t])
-            continue
-        first = number << (4 * below)
-        last = min((number + 1) << (4 * below), len(tree.slot))
-        waiting = dimming.queued[0]
-        if below >= LARGE and waiting < QUEUE:
-            dimming.queue[waiting, 0], dimming.queue[waiting, 1], dimming.queue[waiting, 2] = t, first, last
+        elif below >= LARGE and waiting < len(dimming.queue):
+            dimming.queue[waiting, 0] = t
+            dimming.queue[waiting, 1] = number << (4 * below)
+            dimming.queue[waiting, 2] = min((number + 1) << (4 * below), leaves)
             dimming.queued[0] = waiting + 1
             stats[QUEUED] += 1
         else:
-            cover(t, first, last, tree, receivers, dimming, point, stats)
-
-
-@inline
-def cover(t, first, last, tree, receivers, dimming, point, stats):
-    """Let triangle t, whose shadow they lie in, dim the samples of leaves `first` to `last`."""
-    for number in range(first, last):
-        group, child = number // LANES, number % LANES
-        if tree.full[group, child]:
             continue
-        slot, all_dark = tree.slot[number], True
-        for lane in range(LANES):
-            all_dark &= dim_sample(number, slot, lane, t, receivers, dimming, point, stats)
-        if all_dark:
-            tree.full[group, child] = 1
+        done |= np.int32(1) << lane
+    return done
 
 
 @kernel
 def cover_queued(queue, start, stop, tree, receivers, dimming, stats):
-    """`cover` for entries `start` to `stop` of a queue."""
+    """Let triangles dim all samples of leaves that lie in their shadow: entries `start` to `stop` of a queue."""
     point = np.empty(3)
     for entry in range(start, stop):
-        cover(queue[entry, 0], queue[entry, 1], queue[entry, 2], tree, receivers, dimming, point, stats)
+        for number in range(queue[entry, 1], queue[entry, 2]):
+            if tree.full[number // LANES, number % LANES]:
+                continue
+            slot, all_dark = tree.slot[number], True
+            for lane in range(LANES):
+                all_dark &= dim_sample(number, slot, lane, queue[entry, 0], receivers, dimming, point, stats)
+            if all_dark:
+                tree.full[number // LANES, number % LANES] = 1

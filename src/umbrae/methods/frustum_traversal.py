@@ -166,7 +166,7 @@ def traverse_batch(corners, boxes, order, facing_of, frame, start, stop, tree, r
     the samples below instead of ending the search.
     """
     box, full, level, slots = tree
-    light = receivers.light
+    light, place, ids, leaf_box = receivers.light, receivers.place, receivers.ids, receivers.box
     top = len(level) - 1
     if full[top_group(level), 0]:
         return
@@ -246,11 +246,9 @@ def traverse_batch(corners, boxes, order, facing_of, frame, start, stop, tree, r
                             break
                     elif accept:
                         stats[ACCEPTS] += count(accept)
-                        accept_node(
-                            group, child, number, below, order, number_of[k], accept, tree, receivers, dimming, point,
-                            stats,
-                        )  # fmt: skip
-                        mask &= ~accept
+                        mask &= ~accept_node(
+                            group, child, number, below, order, number_of[k], accept, len(slots), dimming, stats
+                        )
                     mask &= ~reject
                     if mask == 0:
                         continue
@@ -270,7 +268,7 @@ def traverse_batch(corners, boxes, order, facing_of, frame, start, stop, tree, r
                 listed, masked, kept, outer, box, full, groups[depth], lists[depth], masks[depth], counts[depth]
             )
             if below == 1:
-                _bring_near(visited[depth], number, slots, receivers.place, receivers.ids, receivers.box)
+                _bring_near(visited[depth], number, slots, place, ids, leaf_box)
             continue
         # A leaf: its samples against what is left of the list.
         slot = np.int64(slots[number])

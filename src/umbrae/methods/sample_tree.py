@@ -70,6 +70,7 @@ class SampleTree(NamedTuple):
 
 def build(
     samples: ViewSamples,
+    covered: NDArray[np.bool_],
     facing: NDArray[np.int8],
     light: NDArray[np.float64],
     frames: list[LightFrame],
@@ -77,10 +78,11 @@ def build(
     in_shadow: NDArray[np.bool_],
     clock: Clock | None,
 ) -> tuple[Leaves, list[SampleTree | None]]:
-    """Cluster the samples and build one tree per frame (None where a frame has no samples).
+    """Cluster the `covered` samples `(n,)` and build one tree per frame (None where a frame has no samples).
 
     Samples that their own triangle shades are set in `in_shadow` (flat) and left out. `facing` `(t,)` is the side of
-    each triangle that the light is on; `limits` are `error` and `rounding` of `cluster_tiles`.
+    each triangle that the light is on, 0 for one that does not shade its own samples; `limits` are `error` and
+    `rounding` of `cluster_tiles`.
     """
     height, width, order = _layout(samples)
     tiles = len(order) // LANES if len(order) else (-(-height // 4)) * (-(-width // 4))
@@ -94,7 +96,7 @@ def build(
         samples.triangle.reshape(-1),
         samples.side.reshape(-1),
         samples.position.reshape(-1, 3),
-        samples.covered.reshape(-1),
+        covered,
     )
     regions = count(0, _REGION)
     own: dict[int, tuple[int, int]] = {}

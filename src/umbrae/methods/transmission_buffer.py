@@ -25,11 +25,12 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from umbrae.memory import keep_spare, take_spare
 from umbrae.methods.lanes import LANES
 from umbrae.methods.sample_clusters import DARK, OWN, SAMPLE
 from umbrae.methods.sample_tree import SampleTree
-from umbrae.parallel import inline, kernel
-from umbrae.transmission import CLEAR, EVEN, SOLID, passing
+from umbrae.parallel import expand, kernel
+from umbrae.transmission import EVEN, SOLID, passing
 
 CHANNELS = 3
 
@@ -66,13 +67,27 @@ class TransmissionBuffer(NamedTuple):
     blocked: NDArray[np.uint8]
     leaves: int
 
+    def release(self) -> None:
+        """Keep the memory for the next call."""
+        keep_spare("transmission", self, self.sums.nbytes + self.blocked.nbytes)
 
-def make_buffer(tree: SampleTree, dice: Dice) -> TransmissionBuffer:
-    """A buffer full of light; pages that are never dimmed take no memory."""
-    leaves = len(tree.full)
-    rows = leaves + len(tree.slot)
-    sums = np.zeros((0 if dice.strata else rows, CHANNELS * LANES), np.int64)
-    return TransmissionBuffer(sums, np.zeros((rows, CHANNELS * LANES), np.uint8), leaves)
+
+def reserve(trees: list[SampleTree], dice: Dice) -> tuple[TransmissionBuffer, list[TransmissionBuffer]]:
+    """A buffer full of light for each tree; and one that holds them all, to be released in the end."""
+    ends = np.cumsum([len(tree.full) + len(tree.slot) for tree in trees]).tolist()
+    rows, summed = ends[-1], 0 if dice.strata else ends[-1]
+    whole: TransmissionBuffer | None = take_spare("transmission")
+    if whole is None or len(whole.blocked) < rows or len(whole.sums) < summed:
+        width = CHANNELS * LANES
+        whole = TransmissionBuffer(np.zeros((summed, width), np.int64), np.zeros((rows, width), np.uint8), 0)
+    else:
+        whole.sums[:summed] = 0
+        whole.blocked[:rows] = 0
+    parts = [
+        TransmissionBuffer(whole.sums[start:end], whole.blocked[start:end], len(tree.full))
+        for tree, start, end in zip(trees, [0, *ends[:-1]], ends, strict=True)
+    ]
+    return whole, parts
 
 
 @intrinsic
@@ -90,7 +105,7 @@ def _add(typing_context, array, row, column, number):
     return types.int64(array, types.intp, types.intp, types.int64), build
 
 
-@inline
+@expand
 def term(share):
     """What a caster that lets this share through adds to a sum."""
     if share <= 0.0:
@@ -108,7 +123,7 @@ def terms(shares):
     return out
 
 
-@inline
+@expand
 def deposit(buffer, row, lane, red, green, blue):
     """Add a caster's three terms to a node or sample; returns whether light of no channel gets there any more."""
     sums, blocked = buffer.sums, buffer.blocked
@@ -123,7 +138,7 @@ def deposit(buffer, row, lane, red, green, blue):
     return bool(blocked[row, lane] & blocked[row, lane + LANES] & blocked[row, lane + 2 * LANES])
 
 
-@inline
+@expand
 def deposit_shares(buffer, row, lane, red, green, blue):
     """`deposit` for the shares that a caster lets through."""
     first = term(red)
@@ -132,7 +147,7 @@ def deposit_shares(buffer, row, lane, red, green, blue):
     )
 
 
-@inline
+@expand
 def _mixed(number):
     """A bijection of uint64 whose bits all depend on each other (the finalizer of SplitMix64, Steele et al. 2014)."""
     number = (number ^ (number >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -140,7 +155,7 @@ def _mixed(number):
     return number ^ (number >> np.uint64(31))
 
 
-@inline
+@expand
 def threshold(dice, index, t):
     """A random number in [0, 1) for sample `index` of a block and triangle t, stratified over the pixel's samples."""
     step = np.uint64(0x9E3779B97F4A7C15)
@@ -160,7 +175,7 @@ def threshold(dice, index, t):
     return min((np.float64(rank) + within) / np.float64(dice.strata), 1.0 - 2.0**-53)
 
 
-@inline
+@expand
 def roll(buffer, dice, row, lane, index, t, red, green, blue):
     """Let chance stop each channel's light at a sample; returns whether light of no channel gets there any more."""
     blocked = buffer.blocked
@@ -211,17 +226,18 @@ def write_shares(start, stop, tree, receivers, facing_of, table, buffer, dice, i
             own = ids[slot, OWN + lane]
             dark = whole or own == DARK
             if not dark:
+                before, light = 0, 1.0
                 for channel in range(CHANNELS):
                     at = channel * LANES
                     stopped = blocked[row, at + lane] != 0
-                    total = 0
                     if dice.strata == 0:
                         stopped |= blocked[group, at + child] != 0
                         total = sums[row, at + lane] + sums[group, at + child]
-                    # Never 0 by rounding: that means dark.
-                    light = max(np.exp(total * (-1.0 / STEPS)), 2.0**-500) if total else 1.0
+                        if total != before:
+                            # Never 0 by rounding: that means dark.
+                            before, light = total, max(np.exp(total * (-1.0 / STEPS)), 2.0**-500)
                     arriving[channel] = 0.0 if stopped else light
-                if own >= 0 and receivers.side[index] * facing_of[own] < 0 and table.kind[own] != SOLID:
+                if own >= 0 and table.kind[own] != SOLID and receivers.side[index] * facing_of[own] < 0:
                     _through_own(receivers, table, dice, index, own, arriving)
                 dark = arriving[0] == 0.0 and arriving[1] == 0.0 and arriving[2] == 0.0
             in_shadow[index] = dark
@@ -230,22 +246,32 @@ def write_shares(start, stop, tree, receivers, facing_of, table, buffer, dice, i
                 partial[index, channel] = LEAST if little else 0.0 if dark else arriving[channel]
 
 
-@inline
-def own_shares(receivers, table, index, own):
+@expand
+def own_shares(triangles, barycentric, table, index, own):
     """What a sample's own triangle lets through where the sample lies."""
-    if table.kind[own] == CLEAR:
-        return 1.0, 1.0, 1.0
     if table.kind[own] == EVEN:
         m = table.material_id[own]
         return table.even[m, 0], table.even[m, 1], table.even[m, 2]
-    u, v = np.float64(receivers.barycentric[index, 0]), np.float64(receivers.barycentric[index, 1])
-    return passing(receivers.triangles, table, own, 1.0 - u - v, u, v)
+    u, v = np.float64(barycentric[index, 0]), np.float64(barycentric[index, 1])
+    return passing(triangles, table, own, 1.0 - u - v, u, v)
 
 
-@inline
+@kernel
+def leave_out(start, stop, triangles, triangle, barycentric, side, facing_of, table, covered, in_shadow):
+    """Set samples `start` to `stop` in shadow where the own triangle is turned away and opaque; clears `covered`."""
+    for index in range(start, stop):
+        own = triangle[index]
+        if covered[index] and own >= 0 and side[index] * facing_of[own] < 0 and table.kind[own] != SOLID:
+            red, green, blue = own_shares(triangles, barycentric, table, index, own)
+            if red <= 0.0 and green <= 0.0 and blue <= 0.0:
+                covered[index] = False
+                in_shadow[index] = True
+
+
+@expand
 def _through_own(receivers, table, dice, index, own, arriving):
     """Dim a sample's light by what its own triangle lets through."""
-    red, green, blue = own_shares(receivers, table, index, own)
+    red, green, blue = own_shares(receivers.triangles, receivers.barycentric, table, index, own)
     chance = 0.0 if dice.strata == 0 else threshold(dice, index, own)
     for channel, share in ((0, red), (1, green), (2, blue)):
         if dice.strata == 0:
