@@ -18,6 +18,7 @@ from rich.console import Console
 import umbrae as um
 from umbrae import cli, models
 from umbrae.console import ConsoleClock
+from umbrae.outputs import arrays
 
 ROOT = Path(__file__).parents[1]
 
@@ -104,6 +105,73 @@ def test_one_light_has_one_mask_and_no_extra_axis():
     assert len(np.unique(mask)) > 2
 
 
+@pytest.fixture
+def pane(folder):
+    """A model whose roof is a blue pane."""
+    roof = um.load("roof.glb")
+    glass = um.Material((0.2, 0.3, 0.9, 0.4), "BLEND")
+    um.save(um.Scene(roof.positions, roof.triangles, [um.Material(), glass], [0, 0, 1, 1]), "pane.glb")
+
+
+ABOVE = ("--eye", "0,6,0.01", "--target", "0,0,0", "--sun", "120,60")
+
+
+def test_transparent_surfaces_are_layers(pane, capsys):
+    assert umbrae("render pane.glb --size 40x40 --json --npz p.npz", *ABOVE) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["layers"] == 2 and facts["stochastic"] is None
+    with np.load("p.npz") as data:
+        assert data["triangle"].shape == (2, 40, 40) and data["position"].shape == (2, 40, 40, 3)
+        assert data["in_shadow"].shape == (2, 40, 40) and "throughput" not in data
+        first, second = data["triangle"]
+        np.testing.assert_array_equal(second >= 0, first >= 2)
+    seen = pixels("pane.png")
+    assert umbrae("render pane.glb --size 40x40 --layers 1 --npz p.npz -o one.png -q", *ABOVE, "--light", "0,9,0") == 0
+    with np.load("p.npz") as data:
+        assert data["triangle"].shape == (40, 40) and data["in_shadow"].shape == (2, 40, 40)
+        np.testing.assert_array_equal(data["triangle"], first)
+    assert (pixels("one.png")[20, 20] != seen[20, 20]).any()
+    capsys.readouterr()
+    assert umbrae("render pane.glb --size 40x40 --layers 2 --json", *ABOVE) == 0
+    assert "as many layers as there may be, 2" in capsys.readouterr().err
+
+
+def test_chance_and_its_seed(pane, capsys):
+    pictures = []
+    for more in ("", "--seed 0", "--seed 5"):
+        command = "render pane.glb --size 40x40 --samples-per-pixel 4 --stochastic --json --npz p.npz"
+        assert umbrae(f"{command} {more}", *ABOVE) == 0
+        facts = json.loads(capsys.readouterr().out)
+        assert facts["layers"] == 1 and facts["stochastic"] == int(more[-1:] or 0)
+        pictures.append(pixels("pane.png").tobytes())
+        with np.load("p.npz") as data:
+            assert data["throughput"].shape == (40, 40, 4, 3) and data["triangle"].shape == (40, 40, 4)
+            share = (data["triangle"] >= 2)[18:22, 18:22].mean()
+        assert 0.2 < share < 0.6  # 0.4 of the pane is opaque
+    assert pictures[0] == pictures[1] != pictures[2]
+
+
+def test_shares_of_light_are_stored():
+    """With layers first, then lights, then the samples' shape, then channels; each only where there are several."""
+    scene = um.load("roof.glb")
+    camera = um.Camera.frame(scene, width=8, height=6)
+    samples = um.sample(scene, camera)
+    whole = um.ShadowMask(np.zeros(samples.shape, bool), um.Guarantee.EXACT)
+    half = um.ShadowMask(whole.in_shadow, whole.guarantee, partial=np.full((6, 8, 3), 0.5, np.float32))
+    sun, picture = um.Light.sun(1, 2), np.zeros((6, 8, 3), np.uint8)
+
+    def stored(*layers):
+        image = um.Image(picture, samples, layers[0], (samples,) * (len(layers) - 1), layers[1:])
+        return arrays(scene, [sun] * len(layers[0]), image)
+
+    assert "transmittance" not in stored((whole,), (whole,))
+    assert stored((half,))["transmittance"].shape == (6, 8, 3)
+    found = stored((whole, half), (half, half), (whole, whole))
+    assert found["transmittance"].shape == (3, 2, 6, 8, 3) and found["in_shadow"].shape == (3, 2, 6, 8)
+    assert found["transmittance"].mean(axis=(2, 3, 4)).tolist() == [[1, 0.5], [0.5, 0.5], [1, 1]]
+    assert found["depth"].shape == (3, 6, 8)
+
+
 def test_json_is_one_object_and_nothing_else(capsys):
     assert umbrae("render roof.glb --size 64x36 --json --mask m.png") == 0
     out, err = capsys.readouterr()
@@ -185,6 +253,11 @@ BAD = {
     "render roof.glb --eye 1,2,3 --target 1,2,3": "eye and target are the same point",
     "render roof.glb --method frustrum": "unknown method 'frustrum'; did you mean 'frustum'? (known: oracle",
     "render roof.glb --samples-per-pixel 0": "'--samples-per-pixel'",
+    "render roof.glb --layers 0": "'--layers'",
+    "render roof.glb --seed 3": "--seed chooses the chances of --stochastic, which is not there",
+    "render roof.glb --stochastic": "--stochastic: wanted --samples-per-pixel above 1",
+    "render roof.glb --stochastic --seed -1 --samples-per-pixel 4": "'--seed'",
+    "render roof.glb --method silhouette-cpu --show count --stochastic --samples-per-pixel 4": "has no --stochastic",
     "render roof.glb --counting zpass": "method frustum has no option counting (it has: front_face_culling)",
     "render roof.glb --method silhouette-cpu --counting zpas": "wanted one of auto, zpass, zfail, got 'zpas'",
     "render roof.glb --method silhouette-cpu --counter x": "wanted one of auto, stencil, float, got 'x'",
@@ -358,6 +431,8 @@ def test_demo_shows_the_pavilions_own_view(monkeypatch):
         assert data["eye"] == pytest.approx(camera.eye) and data["axes"] == pytest.approx(camera.axes)
         assert (data["lights"] == models.pavilion_light().position).all()
         depth = data["depth"]
+    assert depth.shape == (2, 36, 64)  # what is seen through the glass comes after it
+    depth = depth[0]
     assert (depth == um.sample(models.pavilion(), camera).depth).mean() > 0.99
 
 

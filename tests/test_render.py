@@ -3,14 +3,19 @@
 import numpy as np
 import pytest
 
+import umbrae.memory
 from umbrae.camera import Camera
 from umbrae.clock import Clock
 from umbrae.errors import CapacityError, InputError, OptionError
+from umbrae.geometry.texture import SRGB_TO_LINEAR
 from umbrae.light import Light
 from umbrae.mask import Guarantee
+from umbrae.material import Material
 from umbrae.methods import METHODS
 from umbrae.render import default_sun, render
+from umbrae.sampling import sample, sample_layers, sample_stochastic
 from umbrae.scene import Scene
+from umbrae.shade import shade
 
 SMALL = {"width": 64, "height": 40}
 
@@ -136,3 +141,87 @@ def test_the_number_of_threads_changes_nothing(monkeypatch):
         monkeypatch.setenv("UMBRAE_THREADS", threads)
         pictures.append(render(floor_and_roof(), Camera.frame(floor_and_roof(), **SMALL)).pixels)
     np.testing.assert_array_equal(*pictures)
+
+
+# Transparent surfaces
+
+
+def pane_and_wall(pane):
+    """A pane, half as wide as the view, before a wall that fills it."""
+    square = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], float)
+    positions = np.concatenate([square + np.array((0, 0, 1)), square * 9])
+    triangles = [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)]
+    return Scene(positions, triangles, [pane, Material((0.4, 0.4, 0.4))], [0, 0, 1, 1])
+
+
+FRONT = Camera.look_at((0, 0, 4), (0, 0, 0), fov_y=60, **SMALL)
+FROM_THE_SIDE = Light.directional((-3, 0, -1), intensity=0.3)
+
+
+def test_transparent_surfaces_are_seen_through_and_receive_shadows():
+    scene = pane_and_wall(Material((0.1, 0.2, 0.3, 0.25), "BLEND"))
+    clock = Clock()
+    image = render(scene, FRONT, [FROM_THE_SIDE, Light.directional((0, 0, -1))], clock=clock)
+    assert [name for name, _ in clock.spans].count("shadow") == 4
+    expected = sample_layers(scene, FRONT)
+    assert len(image.layers) == len(image.layer_masks) == 2
+    for found, wanted in zip(image.layers, expected, strict=True):
+        np.testing.assert_array_equal(found.triangle, wanted.triangle)
+    assert image.samples is image.layers[0] and image.masks is image.layer_masks[0]
+    assert image.behind == image.layers[1:] and image.masks_behind == image.layer_masks[1:]
+    np.testing.assert_array_equal(
+        image.pixels,
+        shade(scene, FRONT, [FROM_THE_SIDE, Light.directional((0, 0, -1))], image.layers, image.layer_masks),
+    )
+    # Squarely behind the pane no light of the second kind arrives at the wall.
+    inside = image.layers[1].covered & (np.abs(image.layers[1].position[..., :2]) < 0.99).all(axis=-1)
+    assert inside.any() and image.layer_masks[1][1].transmittance[inside].max() < 1
+
+
+def test_a_solid_scene_has_one_layer():
+    image = render(floor_and_roof(), Camera.frame(floor_and_roof(), **SMALL))
+    assert len(image.layers) == 1 and image.behind == () and image.masks_behind == ()
+
+
+def test_a_single_layer_is_shown_as_if_solid():
+    scene = pane_and_wall(Material((0.1, 0.2, 0.3, 0.25), "BLEND"))
+    one = render(scene, FRONT, FROM_THE_SIDE, layers=1)
+    np.testing.assert_array_equal(one.samples.triangle, sample(scene, FRONT).triangle)
+    expected = shade(scene.opaque(), FRONT, [FROM_THE_SIDE], one.samples, one.masks)
+    np.testing.assert_array_equal(one.pixels, expected)
+    assert (render(scene, FRONT, FROM_THE_SIDE).pixels != one.pixels).any()
+
+
+@pytest.mark.parametrize(
+    "pane",
+    [Material((0.1, 0.1, 0.1, 0.3), "BLEND"), Material((0.8, 0.4, 0.2), transmission=0.7)],
+    ids=["grey", "glass"],
+)
+def test_layers_and_chance_make_the_same_picture_on_average(pane):
+    scene = pane_and_wall(pane)
+    layered = render(scene, FRONT, FROM_THE_SIDE, samples_per_pixel=8)
+    chosen = render(scene, FRONT, FROM_THE_SIDE, samples_per_pixel=64, stochastic=7)
+    assert len(layered.layers) == 2 and len(chosen.layers) == 1
+    np.testing.assert_array_equal(chosen.samples.triangle, sample_stochastic(scene, FRONT, 64, 7).triangle)
+    one, other = (SRGB_TO_LINEAR[image.pixels].astype(float) for image in (layered, chosen))
+    np.testing.assert_allclose(one.mean(axis=(0, 1)), other.mean(axis=(0, 1)), rtol=0.004)
+    inside = (np.abs(layered.samples.position[..., :2]) < 0.9).all(axis=(-1, -2)) & (layered.samples.triangle < 2).all(
+        2
+    )
+    assert inside.sum() > 100
+    np.testing.assert_allclose(one[inside].mean(axis=0), other[inside].mean(axis=0), rtol=0.01)
+    # Of 64 samples 0.3 * 64 see the pane, or one more or less: little noise is left.
+    assert np.abs(one[inside] - other[inside]).mean() < 0.02 * one[inside].mean()
+
+
+def test_layers_are_asked_for_in_whole_numbers(monkeypatch):
+    scene = pane_and_wall(Material((0.1, 0.2, 0.3, 0.25), "BLEND"))
+    for wrong in (0, -2, 1.5, None):
+        with pytest.raises(OptionError, match="layers: wanted a whole number from 1"):
+            render(scene, FRONT, layers=wrong)
+    with pytest.raises(OptionError, match="seed: wanted a whole number from 0"):
+        render(scene, FRONT, stochastic=-1)
+    sizes = iter([1 << 30] * 3)  # for the picture, the lists of triangles, another layer
+    monkeypatch.setattr(umbrae.memory, "available_bytes", lambda: next(sizes, 1 << 16))
+    with pytest.raises(CapacityError, match=r"the rest of a picture of 64 x 40 pixels in 2 layers \(fewer need less\)"):
+        render(scene, FRONT)

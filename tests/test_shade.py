@@ -6,6 +6,7 @@ import pytest
 from umbrae.camera import Camera
 from umbrae.errors import InputError
 from umbrae.geometry import diffuse
+from umbrae.geometry.glass import mirrored
 from umbrae.geometry.mipmap import LINEAR_TO_SRGB, mip_levels
 from umbrae.geometry.normals import first_alike, terminator_fade
 from umbrae.geometry.texture import SRGB_TO_LINEAR
@@ -13,7 +14,7 @@ from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.material import Material
 from umbrae.samples import ViewSamples
-from umbrae.sampling import sample
+from umbrae.sampling import sample, sample_layers, sample_stochastic
 from umbrae.scene import Scene
 from umbrae.shade import mask_image, shade
 
@@ -364,9 +365,231 @@ def test_what_does_not_belong_together_is_refused(ball):
         shade(scene, camera, [Light(light.position, (1e300, 1, 1), 1e300)], samples, [mask])
 
 
+# Shares of light
+
+
+def shares(shape, share):
+    return ShadowMask(np.zeros(shape, bool), Guarantee.EXACT, partial=np.full((*shape, 3), share, np.float32))
+
+
+def test_light_arrives_by_its_share_in_each_channel():
+    scene = quad(materials=[WHITE])
+    samples = sample(scene, FRONT)
+    share = np.array([0.5, 0.25, 0.0])
+    pixels = shade(scene, FRONT, [HEAD_ON], samples, [shares(samples.shape, share)])
+    np.testing.assert_allclose(pixels[40, 40], code(shoulder(diffuse.DIRECT * share + wall_ambient())), atol=0.51)
+    # Beside a light that arrives or does not, in either order.
+    lights = [Light(HEAD_ON.position, (1, 1, 1), 0.5)] * 2
+    for masks in ([lit(samples), shares(samples.shape, share)], [shares(samples.shape, share), lit(samples)]):
+        pixels = shade(scene, FRONT, lights, samples, masks)
+        expected = code(shoulder(diffuse.DIRECT * (0.5 + 0.5 * share) + wall_ambient()))
+        np.testing.assert_allclose(pixels[40, 40], expected, atol=0.51)
+
+
+def test_shares_of_all_and_nothing_are_light_and_shadow(ball):
+    scene, camera, light, samples, mask = ball
+    one = np.repeat(np.where(mask.in_shadow, np.float32(0), np.float32(1))[..., None], 3, axis=-1)
+    whole = ShadowMask(mask.in_shadow, Guarantee.EXACT, partial=one)
+    also = ShadowMask(np.zeros_like(mask.in_shadow), Guarantee.EXACT, partial=one)
+    expected = shade(scene, camera, [light], samples, [mask])
+    for same in (whole, also):
+        np.testing.assert_array_equal(shade(scene, camera, [light], samples, [same]), expected)
+
+
+# Layers
+
+
+def sheets(*materials, texture_uv=True):
+    """Quads behind one another, one unit apart, from (-9, -9, 0) to (9, 9, 0) on; the first is nearest to the eye."""
+    corner = np.array([(-9, -9), (9, -9), (9, 9), (-9, 9)], float)
+    positions = np.concatenate([np.column_stack([corner, np.full(4, -z)]) for z in range(len(materials))])
+    triangles = np.concatenate([np.array([(0, 1, 2), (0, 2, 3)]) + 4 * i for i in range(len(materials))])
+    uv = np.tile([(0, 1), (1, 1), (1, 0), (0, 0)], (len(materials), 1))
+    return Scene(positions, triangles, materials, np.repeat(np.arange(len(materials)), 2), uv=uv)
+
+
+def centre(scene, shadows, camera=FRONT, **options):
+    """The colour at the picture's centre, where the eye looks squarely at the sheets and level into the distance."""
+    layers = sample_layers(scene, camera)
+    masks = [[mask(layer)] for layer, mask in zip(layers, shadows, strict=True)]
+    return shade(scene, camera, [HEAD_ON], layers, masks, **options)[40, 40]
+
+
+FRONT_COLOR, BACK_COLOR = np.array([0.2, 0.6, 0.4]), np.array([0.9, 0.5, 0.3])
+PANE = Material((*FRONT_COLOR, 0.25), "BLEND")
+WALL = Material(tuple(BACK_COLOR))
+
+
+def test_a_pane_before_a_wall_mixes_by_its_opacity():
+    expected = (0.25 * FRONT_COLOR + 0.75 * BACK_COLOR) * wall_ambient()
+    np.testing.assert_allclose(centre(sheets(PANE, WALL), [dark, dark]), code(expected), atol=0.51)
+    three = (0.25 * FRONT_COLOR * (1 + 0.75) + 0.75**2 * BACK_COLOR) * wall_ambient()
+    np.testing.assert_allclose(centre(sheets(PANE, PANE, WALL), [dark, dark, dark]), code(three), atol=0.51)
+
+
+def test_each_layer_has_its_own_shadow():
+    for shadows, (front, back) in (((lit, dark), (1, 0)), ((dark, lit), (0, 1)), ((lit, lit), (1, 1))):
+        expected = 0.25 * FRONT_COLOR * (front * diffuse.DIRECT + wall_ambient())
+        expected += 0.75 * BACK_COLOR * (back * diffuse.DIRECT + wall_ambient())
+        np.testing.assert_allclose(centre(sheets(PANE, WALL), shadows), code(shoulder(expected)), atol=0.51)
+    half = [dark, lambda layer: shares(layer.shape, (0.5, 1.0, 0.0))]
+    expected = 0.25 * FRONT_COLOR * wall_ambient()
+    expected += 0.75 * BACK_COLOR * (diffuse.DIRECT * np.array([0.5, 1.0, 0.0]) + wall_ambient())
+    np.testing.assert_allclose(centre(sheets(PANE, WALL), half), code(shoulder(expected)), atol=0.51)
+
+
+def test_what_passes_all_layers_meets_the_background():
+    expected = 0.25 * FRONT_COLOR * wall_ambient() + 0.75 * np.array(diffuse.HORIZON)
+    np.testing.assert_allclose(centre(sheets(PANE), [dark]), code(shoulder(expected)), atol=0.51)
+    # The same where a later layer is there for other samples only.
+    beside = Scene(
+        np.concatenate([sheets(PANE).positions, np.array([(0.5, -9, -1), (9, 0, -1), (0.5, 9, -1)])]),
+        [(0, 1, 2), (0, 2, 3), (4, 5, 6)],
+        [PANE, WALL],
+        [0, 0, 1],
+        uv=np.zeros((7, 2)),
+    )
+    np.testing.assert_allclose(centre(beside, [dark, dark]), code(shoulder(expected)), atol=0.51)
+
+
+def test_glass_tints_what_lies_behind_and_mirrors_the_sky():
+    glass = Material(tuple(FRONT_COLOR), transmission=0.8)
+    expected = 0.2 * FRONT_COLOR * wall_ambient() + 0.8 * 0.04 * np.array(diffuse.HORIZON)
+    expected += 0.8 * 0.96 * FRONT_COLOR * BACK_COLOR * wall_ambient()
+    np.testing.assert_allclose(centre(sheets(glass, WALL), [dark, dark]), code(expected), atol=0.51)
+    # Opacity counts for all of it: three quarters of the sheet are not there.
+    quarter = Material((*FRONT_COLOR, 0.25), "BLEND", transmission=0.8)
+    mixed = 0.25 * expected + 0.75 * BACK_COLOR * wall_ambient()
+    np.testing.assert_allclose(centre(sheets(quarter, WALL), [dark, dark]), code(mixed), atol=0.51)
+
+
+def test_glass_mirrors_more_at_grazing_angles():
+    assert mirrored.py_func((0.0, 0.0, 1.0), (0.0, 0.0, 1.0)) == pytest.approx(0.04)
+    assert mirrored.py_func((0.0, 0.0, -1.0), (0.0, 0.0, 1.0)) == pytest.approx(0.04)
+    assert mirrored.py_func((0.0, 0.0, 1.0), (0.6, 0.0, 0.8)) == pytest.approx(0.04 + 0.96 * 0.2**5)
+    assert mirrored.py_func((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)) == 1.0
+
+
+def test_clear_glass_is_seen():
+    clear = Material((1, 1, 1), transmission=1.0)
+    expected = 0.96 * BACK_COLOR * wall_ambient() + 0.04 * np.array(diffuse.HORIZON)
+    np.testing.assert_allclose(centre(sheets(clear, WALL), [dark, dark]), code(expected), atol=0.51)
+
+
+def test_opacity_is_that_of_texture_and_vertex_colours_right_there():
+    texture = np.full((4, 4, 4), 255, np.uint8)
+    texture[..., 3] = (0, 64, 128, 255)  # from left to right
+    front = sheets(Material((0, 0, 0, 0.8), "BLEND", texture=texture), WALL)
+    colors = np.ones((8, 4))
+    colors[:4, 3] = 0.5
+    scene = Scene(front.positions, front.triangles, front.materials, front.material_id, uv=front.uv, colors=colors)
+    for alpha, shown in ((0.8, front), (0.4, scene)):
+        expected = (1 - alpha * 96 / 255) * BACK_COLOR * wall_ambient()  # amid the second and the third
+        np.testing.assert_allclose(centre(shown, [dark, dark]), code(expected), atol=0.51)
+
+
+def test_a_mask_is_solid_where_it_is_seen():
+    texture = np.full((4, 4, 4), 255, np.uint8)
+    texture[..., 3] = 160
+    scene = sheets(Material((*FRONT_COLOR, 1.0), "MASK", 0.5, texture=texture), WALL)
+    np.testing.assert_allclose(centre(scene, [dark]), code(FRONT_COLOR * wall_ambient()), atol=0.51)
+
+
+def test_one_layer_alone_is_shown_as_if_solid(ball):
+    scene = sheets(PANE, WALL)
+    samples = sample(scene, FRONT)
+    pixels = shade(scene, FRONT, [HEAD_ON], samples, [dark(samples)])
+    np.testing.assert_allclose(pixels[40, 40], code(FRONT_COLOR * wall_ambient()), atol=0.51)
+    # Of a solid scene it makes no difference.
+    scene, camera, light, samples, mask = ball
+    alone, layered = (shade(scene, camera, [light], *these) for these in ((samples, [mask]), ([samples], [[mask]])))
+    np.testing.assert_array_equal(alone, layered)
+
+
+def test_samples_chosen_by_chance_are_averaged_before_tone_mapping():
+    camera = Camera.look_at((0, 0, 3), (0, 0, 0), width=1, height=1, fov_y=1)
+    scene = sheets(Material((1, 1, 1, 0.5), "BLEND"), Material((0, 0, 0)))
+    samples = sample_stochastic(scene, camera, 2)
+    assert sorted((samples.triangle // 2).reshape(-1).tolist()) == [0, 1]
+    pixels = shade(scene, camera, [HEAD_ON], samples, [lit(samples)])
+    np.testing.assert_allclose(pixels[0, 0], code(shoulder((diffuse.DIRECT + wall_ambient()) / 2)), atol=0.51)
+    count = np.array([0.5, 0.25, 0.0], np.float32)
+    less = ViewSamples(*(getattr(samples, name) for name in ARRAYS), throughput=samples.throughput * count)
+    pixels = shade(scene, camera, [HEAD_ON], less, [lit(samples)])
+    np.testing.assert_allclose(pixels[0, 0], code(shoulder(count * (diffuse.DIRECT + wall_ambient()) / 2)), atol=0.51)
+
+
+ARRAYS = ("triangle", "barycentric", "side", "position", "covered", "depth", "camera")
+
+
+@pytest.mark.parametrize(
+    "glass",
+    [
+        Material((0.3, 0.3, 0.3, 0.4), "BLEND"),
+        Material((0.7, 0.7, 0.7), transmission=0.6),
+        Material((0.9, 0.4, 0.1, 0.7), "BLEND", transmission=0.9),
+    ],
+    ids=["blend", "grey", "coloured"],
+)
+def test_layers_and_chance_agree_on_average(glass):
+    """A pane and a ball of glass before a wall, seen aslant; dim, so that tone mapping changes nothing."""
+    positions, triangles = uv_sphere(12, 9)
+    wall = np.array([(-3, -3, -2), (3, -3, -2), (3, 3, -2), (-3, 3, -2)], float)
+    pane = wall * (0.6, 0.6, 0) + (0.5, 0.3, 1.5)
+    scene = Scene(
+        np.concatenate([positions, wall, pane]),
+        np.concatenate([triangles, np.array([(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)]) + len(positions)]),
+        [glass, Material((0.4, 0.4, 0.4))],
+        [0] * len(triangles) + [1, 1, 0, 0],
+        normals=np.concatenate([positions, np.tile((0, 0, 1), (8, 1))]),
+    )
+    camera = Camera.look_at((1, 1.5, 5), (0, 0, 0), width=48, height=48, fov_y=40)
+    layers, chosen = sample_layers(scene, camera), sample_stochastic(scene, camera, 64, seed=4)
+    assert len(layers) == 4
+    light = Light(HEAD_ON.position, intensity=0.3)
+
+    def mean(samples, masks):
+        return SRGB_TO_LINEAR[shade(scene, camera, [light], samples, masks)].astype(float).mean(axis=(0, 1))
+
+    fine = sample_layers(scene, camera, samples_per_pixel=64)
+    expected, found = mean(fine, [[lit(layer)] for layer in fine]), mean(chosen, [lit(chosen)])
+    solid = mean(ViewSamples(*(getattr(chosen, name) for name in ARRAYS)), [lit(chosen)])
+    np.testing.assert_allclose(found, expected, rtol=0.004)
+    assert glass.transmission == 0 or (np.abs(solid - expected) > 0.02 * expected).any(), "weights matter"
+
+
+def test_layers_that_do_not_belong_together_are_refused():
+    scene = sheets(PANE, WALL)
+    first, second = sample_layers(scene, FRONT)
+    mask = dark(first)
+    with pytest.raises(InputError, match="2 layers and 1 lists"):
+        shade(scene, FRONT, [HEAD_ON], [first, second], [[mask]])
+    with pytest.raises(InputError, match="0 layers"):
+        shade(scene, FRONT, [HEAD_ON], [], [])
+    with pytest.raises(InputError, match="one mask per light, got 2 masks and 1 lights"):
+        shade(scene, FRONT, [HEAD_ON], [first, second], [[mask], [mask, mask]])
+    with pytest.raises(InputError, match="layers: wanted ViewSamples, got ShadowMask"):
+        shade(scene, FRONT, [HEAD_ON], [first, mask], [[mask], [mask]])
+    for other in (sample(scene, FRONT, 2), sample_stochastic(scene, FRONT)):
+        with pytest.raises(InputError, match="layers of one shape"):
+            shade(scene, FRONT, [HEAD_ON], [first, other], [[mask], [mask]])
+    short = ShadowMask(mask.in_shadow, Guarantee.EXACT, partial=np.zeros((2, 2, 3), np.float32))
+    with pytest.raises(InputError, match="mask 0 has shares of shape"):
+        shade(scene, FRONT, [HEAD_ON], first, [short])
+
+
 def test_mask_image_is_white_where_light_arrives():
     np.testing.assert_array_equal(mask_image(mask_of([[True, False]])), np.array([[0, 255]], np.uint8))
     several = mask_of([[[True, False, False, False], [True, True, True, True]]])
     np.testing.assert_array_equal(mask_image(several), np.array([[191, 0]], np.uint8))
     with pytest.raises(InputError, match="mask of an image"):
         mask_image(mask_of([True, False]))
+
+
+def test_mask_image_shows_shares_of_light():
+    grey = shares((2, 3), 0.2)
+    np.testing.assert_array_equal(mask_image(grey), np.full((2, 3), 51, np.uint8))
+    np.testing.assert_array_equal(mask_image(shares((1, 2), (1, 0.6, 0))), np.full((1, 2, 3), (255, 153, 0), np.uint8))
+    mixed = shares((1, 1, 2), 1.0)
+    mixed.partial[0, 0, 1] = (0.0, 0.2, 0.2)
+    np.testing.assert_array_equal(mask_image(mixed), [[(128, 153, 153)]])
