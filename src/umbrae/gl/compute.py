@@ -21,14 +21,15 @@ def groups_of(count: int) -> int:
 def dispatch(
     session: Session,
     path: Path,
-    groups: int,
+    groups: "int | tuple[Any, int]",
     uniforms: Mapping[str, Any],
     buffers: Mapping[int, Any],
     defines: Mapping[str, int | str] | None = None,
 ) -> None:
-    """Run a compute shader on that many groups (laid out in rows: see `invocation.glsl`), and let others see its work.
+    """Run a compute shader, and let others see its work.
 
-    `uniforms` by name, of which those are set that it uses, arrays as far as it uses them; `buffers` by binding.
+    `groups`: how many (they are laid out in rows: see `invocation.glsl`), or a buffer and the place in it where three
+    numbers say that. `uniforms` by name, of which those are set that it uses, arrays as far as it uses them; `buffers` by binding.
     """
     shader = program(session, path, defines)
     for name, value in uniforms.items():
@@ -37,7 +38,10 @@ def dispatch(
             uniform.value = value[: uniform.array_length] if uniform.array_length > 1 else value
     for binding, buffer in buffers.items():
         buffer.bind_to_storage_buffer(binding)
-    shader.run(min(groups, _ROW), -(-groups // _ROW))
+    if isinstance(groups, int):
+        shader.run(min(groups, _ROW), -(-groups // _ROW))
+    else:
+        shader.run_indirect(*groups)
     session.moderngl.memory_barrier()
 
 

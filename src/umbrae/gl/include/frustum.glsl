@@ -2,15 +2,30 @@
 //
 // A frustum is 12 rows: the normals of four planes that point inside, the constant parts of their bounds, the parts that
 // grow with q; then the same of up to four planes through the eye, whose normals have no q, so that the constant part of
-// the bound stands there. `setup.glsl` makes them and derives the bounds.
+// the bound stands there; then its triangle, as a caster. `setup.glsl` makes them and derives the bounds.
 
 const int ROWS = 12;
 const float UNPLACED = 3.0;  // x of a sample that does not lie in the picture: no box tells anything about it
 
-// Counters of the work, a row of 32-bit numbers.
-const int FRUSTA = 0, TAKEN = 1, QUEUED = 2, UNDECIDED = 3, TILE_TESTS = 4, SAMPLE_TESTS = 6, ACCEPTS = 8, REJECTS = 10;
+// Counters, a row of 32-bit numbers; those of the tests take two.
+const int FRUSTA = 0, TASKS = 1, QUEUED = 2, UNDECIDED = 3, TILE_TESTS = 4, SAMPLE_TESTS = 6, ACCEPTS = 8, REJECTS = 10;
+const int FRUSTA_GROUPS = 12, TASKS_GROUPS = 15;  // three numbers each, for an indirect dispatch of a group for each
+const uint GROUPS_X = 256u;  // of such a dispatch
 
 const int REJECT = 0, ACCEPT = 1, REFINE = 2;
+
+// A triangle and the side of it that the light is on, in one number.
+int caster_of(int triangle, int side) {
+    return 2 * triangle + (side > 0 ? 1 : 0);
+}
+
+int triangle_of(int caster) {
+    return caster >> 1;
+}
+
+int side_of_light(int caster) {
+    return (caster & 1) == 1 ? 1 : -1;
+}
 
 struct Frustum {
     vec4 normal[4];

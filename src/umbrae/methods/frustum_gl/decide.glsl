@@ -31,11 +31,11 @@ bool same_triangle(dvec3 a[3], int triangle) {
 void main() {
     uint queued = min(counters[QUEUED], room);
     for (uint i = uint(invocation()); i < queued; i += uint(invocations())) {
-        int place = queue[i].x, triangle = queue[i].y >> 1, word = levels[1].z + place / 32;
+        int place = queue[i].x, triangle = triangle_of(queue[i].y), word = levels[1].z + place / 32;
         uint bit = 1u << (place % 32);
         if ((dark[word] & bit) != 0u) continue;
         int index = sample_of(child_of(1, node_of(1, place / 32), uint(place % 32)));
-        double shift, inward = (queue[i].y & 1) == 1 ? -1.0LF : 1.0LF;
+        double shift, inward = double(-side_of_light(queue[i].y));
         dvec3 point = surface_point(index, shift);
         dvec3 v[3] = dvec3[3](corner(triangle, 0), corner(triangle, 1), corner(triangle, 2));
         bool outside = false, inside = true;

@@ -23,10 +23,9 @@
 
 #ifdef COMPUTE_SHADER
 layout(std430, binding = 2) readonly buffer Facing { int facings[]; };
-layout(std430, binding = 10) writeonly buffer Frusta { vec4 frusta[]; };
+layout(std430, binding = 10) writeonly buffer Frusta { uvec4 frusta[]; };
 layout(std430, binding = 7) readonly buffer Boxes { vec4 boxes[]; };
 layout(std430, binding = 11) buffer Counters { uint counters[]; };
-layout(std430, binding = 12) writeonly buffer Casting { int casting[]; };  // of each frustum: see `casts`
 uniform dvec3 eye;
 uniform dvec3 columns[3];  // R, U, F
 uniform double unit, reach;  // of q; the largest coordinate
@@ -67,11 +66,6 @@ Plane side_plane(dvec3 a, dvec3 b, double sign) {
     bool turned = after(a, b);
     dvec3 start = turned ? b : a, end = turned ? a : b;
     return plane_across(light.w * start - light.xyz, end - start, turned ? -sign : sign, eye - start);
-}
-
-// A triangle and the side its light is on, in one number.
-int casts(int triangle, int side) {
-    return 2 * triangle + (side > 0 ? 1 : 0);
 }
 
 int sign_of(dvec2 found) {
@@ -122,14 +116,15 @@ void main() {
     int root = levels[depth].w;
     if (test(frustum, boxes[2 * root].xyz, boxes[2 * root + 1].xyz) == REJECT) return;
     uint place = atomicAdd(counters[FRUSTA], 1u);
-    casting[place] = casts(triangle, side);
+    atomicMax(counters[FRUSTA_GROUPS + 1], place / GROUPS_X + 1u);
     uint row = ROWS * place;
-    for (int i = 0; i < 4; i++) frusta[row + i] = frustum.normal[i];
-    frusta[row + 4] = frustum.bound;
-    frusta[row + 5] = frustum.bound_q;
+    for (int i = 0; i < 4; i++) frusta[row + i] = floatBitsToUint(frustum.normal[i]);
+    frusta[row + 4] = floatBitsToUint(frustum.bound);
+    frusta[row + 5] = floatBitsToUint(frustum.bound_q);
 #ifdef SILHOUETTE_PLANES
-    for (int i = 0; i < 4; i++) frusta[row + 6 + i] = frustum.outline[i];
-    frusta[row + 10] = frustum.outline_q;
+    for (int i = 0; i < 4; i++) frusta[row + 6 + i] = floatBitsToUint(frustum.outline[i]);
+    frusta[row + 10] = floatBitsToUint(frustum.outline_q);
 #endif
+    frusta[row + 11] = uvec4(caster_of(triangle, side), 0, 0, 0);
 }
 #endif

@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+BRANCH = 3
+"""Level of the nodes that tasks begin at; also in `traversal.glsl`."""
 MAX_LEVELS = 9
 """Also in `tiles.glsl`: eight of them cover more than a million samples a side."""
 
