@@ -10,6 +10,7 @@ from umbrae.errors import OptionError
 from umbrae.light import Light
 from umbrae.mask import ShadowMask
 from umbrae.methods.frustum_cpu import Frustum
+from umbrae.methods.frustum_gl.method import FrustumGl
 from umbrae.methods.method import Caster, Method
 from umbrae.methods.oracle import Oracle
 from umbrae.methods.volumes.robust_gs import RobustGs
@@ -26,6 +27,7 @@ from umbrae.scene import Scene
 METHODS: dict[str, type[Method]] = {
     "oracle": Oracle,
     "frustum": Frustum,
+    "frustum-gl": FrustumGl,
     "silhouette-cpu": SilhouetteCpu,
     "silhouette-compute": SilhouetteCompute,
     "silhouette-gs": SilhouetteGs,

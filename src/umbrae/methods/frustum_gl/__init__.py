@@ -1,0 +1,1 @@
+"""The frustum method in compute shaders."""

@@ -1,0 +1,188 @@
+"""A frame: what is done once, for each band of a picture, and for each batch of triangles."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbrae.camera import Camera
+from umbrae.clock import Clock
+from umbrae.errors import InputError
+from umbrae.geometry.solids import Solids, find_solids
+from umbrae.geometry.volume_faces import facing_of_all
+from umbrae.gl.context import Session, session
+from umbrae.gl.timers import stage
+from umbrae.light import Light
+from umbrae.mask import ShadowMask
+from umbrae.methods.frustum_gl.exact import decide_pairs
+from umbrae.methods.frustum_gl.passes import PAIR_BYTES, Defines, Passes
+from umbrae.methods.frustum_gl.tiles import tiles_of
+from umbrae.methods.frustum_gl.uploaded import Band, GpuShadow, UploadedSamples, camera_of, rows_of_band
+from umbrae.methods.method import Caster
+from umbrae.samples import ViewSamples
+from umbrae.scene import Scene
+from umbrae.transmission import transmission_of
+
+BATCH = 1 << 17
+"""Triangles whose frusta go down together: 25 MB of planes, and no dispatch that takes long."""
+ROOM = 1 << 20
+"""For tasks, and for pairs, to begin with."""
+_UNSURE = 2
+
+
+class FrustumGlCaster(Caster):
+    """A scene's triangles on the GPU."""
+
+    def __init__(
+        self, scene: Scene, silhouette_planes: bool, skip_full: bool, front_face_culling: bool, clock: Clock | None
+    ) -> None:
+        clock = clock or Clock()
+        if transmission_of(scene) is not None:
+            raise InputError(
+                "frustum-gl: materials of this scene let light through, which it does not serve; the method `frustum` "
+                "does"
+            )
+        self.scene = scene
+        self.session: Session = session()
+        self._outlines: Defines = {"SILHOUETTE_PLANES": 1} if silhouette_planes else {}
+        self._skips: Defines = {"SKIP_FULL": 1} if skip_full else {}
+        self._solids: Solids | None = None
+        if front_face_culling and len(scene.triangles):
+            with clock.span("solids"):
+                self._solids = find_solids(scene.positions, scene.triangles, np.ones(len(scene.triangles), bool))
+        self._reach = float(np.abs(scene.bounds).max())
+        self._batch, self._room = BATCH, ROOM
+        with self.session.current() as current:
+            self.passes = Passes(current, scene.positions, scene.triangles)
+            self._solid_of = None if self._solids is None else self.passes.buffer(self._solids.of)
+
+    def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
+        return self.shadow_on_gpu(light, self.upload(samples, clock), clock).mask(clock)
+
+    def upload(self, samples: ViewSamples, clock: Clock | None = None) -> UploadedSamples:
+        """A picture's samples in OpenGL buffers, for any number of lights.
+
+        Raises
+        ------
+        InputError
+            For samples of another scene, anything but a whole picture, and points on no triangle.
+        GraphicsError
+            For a picture of which the driver has no room for a row.
+        """
+        samples.check(self.scene)
+        camera = camera_of(samples)
+        step = rows_of_band(camera, samples.size // (camera.width * camera.height), self.passes.most)
+        starts = range(0, camera.height, step) if len(self.scene.triangles) else ()
+        with self.session.current() as current, stage(current, clock or Clock(), "upload"):
+            bands = tuple(self._band(samples, camera, top, top + step) for top in starts)
+        return UploadedSamples(samples, camera, bands)
+
+    def shadow_on_gpu(self, light: Light, uploaded: UploadedSamples, clock: Clock | None = None) -> GpuShadow:
+        """The verdicts about samples that this caster has uploaded, left in OpenGL buffers."""
+        clock = clock or Clock()
+        names = "tile_frustum_tests", "sample_frustum_tests", "accepts", "rejects", "fallbacks", "predicate_fallbacks"
+        stats = dict.fromkeys(names, 0)
+        verdicts = []
+        with self.session.current() as current:
+            if uploaded.bands:
+                with stage(current, clock, "facing"):
+                    self._face(light)
+            for band in uploaded.bands:
+                with stage(current, clock, "hierarchy"):
+                    self.passes.build(band)
+                pairs = self._cast(light, uploaded.camera, band, stats, clock)
+                with clock.span("exact"):
+                    found = self._decide(light, band, pairs)
+                with stage(current, clock, "merge"):
+                    verdicts.append(self.passes.merge(band, found))
+        return GpuShadow(self.session, uploaded, tuple(verdicts), stats)
+
+    def _band(self, samples: ViewSamples, camera: Camera, top: int, bottom: int) -> Band:
+        """Rows of a picture, and their places."""
+        part = samples.rows(top, bottom)
+        height, width = part.shape[:2]
+        tiles = tiles_of(width, height, part.size // (height * width))
+        sides = np.zeros(-(-part.size // 4) * 4, np.int8)
+        sides[: part.size] = part.side.reshape(-1)
+        buffer = self.passes.buffer
+        made = Band(
+            samples=part,
+            first=top * (part.size // height),
+            tiles=tiles,
+            own=buffer(np.where(part.covered, part.triangle, np.int32(-1))),
+            barycentrics=buffer(part.barycentric),
+            sides=buffer(sides),
+            places=self.passes.reserve(16 * tiles.places),
+        )
+        self.passes.place(made, self._view(camera))
+        return made
+
+    def _face(self, light: Light) -> None:
+        """The side of every triangle; exact arithmetic decides what float64 leaves open."""
+        count, culling = len(self.scene.triangles), None
+        if self._solids is not None:
+            source = light.position.astype(np.float64)
+            holds_light = ((source[:3] >= self._solids.lower) & (source[:3] <= self._solids.upper)).all(axis=1)
+            culling = self._solid_of, ~holds_light | light.is_directional
+        if self.passes.face(count, {"light": _source(light)}, culling):
+            sides = self.passes.sides(count)
+            unsure = np.flatnonzero(sides == _UNSURE)
+            sides[unsure] = facing_of_all(self.scene.positions, self.scene.triangles[unsure], light.position)
+            self.passes.set_sides(sides)
+
+    def _cast(
+        self, light: Light, camera: Camera, band: Band, stats: dict[str, int], clock: Clock
+    ) -> NDArray[np.int32]:
+        """Send all frusta down the tree; returns the pairs `(p, 2)` of sample and triangle that float64 leaves open."""
+        uniforms = {**self._view(camera), **band.tiles.uniforms, "light": _source(light), "reach": self._reach}
+        start, count = 0, len(self.scene.triangles)
+        left = []
+        while start < count:
+            size = min(self._batch, count - start)
+            with stage(self.session, clock, "setup"):
+                self.passes.set_up(size, {**uniforms, "first": start}, self._outlines)
+            with stage(self.session, clock, "traversal"):
+                self.passes.traverse(band, self._room, uniforms, {**self._outlines, **self._skips})
+            with stage(self.session, clock, "decide"):
+                self.passes.decide(band, self._room, uniforms)
+            tasks, queued, pairs, tests = self.passes.counted()
+            if (wanted := max(tasks, queued)) > self._room:
+                # Once more: what is found again is found for good. A single triangle has no more pairs than there are
+                # samples, which fit.
+                if wanted * PAIR_BYTES <= self.passes.most:
+                    self._room = min(2 * wanted, self.passes.most // PAIR_BYTES)
+                else:
+                    self._batch = max(1, size // 2)
+                continue
+            start += size
+            left.append(pairs)
+            for name, more in {**tests, "fallbacks": queued, "predicate_fallbacks": len(pairs)}.items():
+                stats[name] += more
+        return np.concatenate(left)
+
+    def _decide(self, light: Light, band: Band, pairs: NDArray[np.int32]) -> NDArray[np.int32]:
+        """The samples of a band, `(n,) int32`, that exact arithmetic finds in shadow by one of the pairs."""
+        found = np.zeros(len(pairs), bool)
+        if len(pairs):
+            samples, light_position = band.samples, light.position.astype(np.float64)
+            decide_pairs(
+                self.scene.positions, self.scene.triangles, light_position, samples.triangle.reshape(-1),
+                samples.barycentric.reshape(-1, 2), samples.side.reshape(-1), pairs, found,
+            )  # fmt: skip
+        return np.unique(pairs[found, 0])
+
+    def _view(self, camera: Camera) -> dict[str, Any]:
+        """The camera for `place.glsl` and `setup.glsl`; q is 1 at a distance that nothing exceeds by much."""
+        rows = camera.world_to_clip[:, :3]
+        farthest = float(np.abs(camera.eye).max()) + self._reach
+        return {
+            "eye": tuple(camera.eye.tolist()),
+            "rows": [tuple(row) for row in rows.tolist()],
+            "columns": [tuple(column) for column in np.linalg.inv(rows).T.tolist()],
+            "unit": 2.0 ** math.frexp(farthest)[1],
+        }
+
+
+def _source(light: Light) -> tuple[float, ...]:
+    return tuple(light.position.astype(np.float64).tolist())

@@ -1,0 +1,52 @@
+"""Per-triangle shadow frusta, rasterized hierarchically over the camera's depths in compute shaders."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from umbrae.clock import Clock
+from umbrae.mask import Guarantee
+from umbrae.methods.frustum_gl.caster import FrustumGlCaster
+from umbrae.methods.method import Method
+from umbrae.scene import Scene
+
+
+@dataclass(frozen=True)
+class FrustumGl(Method):
+    """Exact shadows of any triangle soup after Sintorn, Olsson and Assarsson 2011, on OpenGL 4.5.
+
+    The samples of a picture are the leaves of a tree of tiles with 32 children each, 8 x 4 and 4 x 8 in turns, and with
+    their bounds in the camera's normalized device coordinates. Each triangle's shadow frustum goes down that tree: a
+    node is rejected, accepted (one bit then darkens all below), or refined. One work group of 32 lanes serves a frustum;
+    lanes exchange what they found through shared memory.
+
+    Planes are tested in float32 with derived bounds (`setup.glsl`). The pairs of a sample and a triangle that this
+    leaves open are decided in float64 with the bounds of `geometry.predicates`, and what that leaves open, exactly on the
+    CPU: rasterizers propose, one predicate decides.
+
+    Deviations from the paper: nodes have bounds in x and y too, those of the samples they hold, since a sample is a
+    point of its triangle that need not lie at a pixel's centre; the silhouette of a frustum seen from the eye is bounded
+    by up to four planes instead of two; there is no bias, as a sample knows its own triangle; groups take frusta from a
+    counter; a node that is full tells its parent.
+
+    Options
+    -------
+    silhouette_planes
+        Test the planes through the eye and the silhouette of the frustum as well (section 3.5).
+    skip_full
+        Leave out nodes that are in shadow already (section 3.5).
+    front_face_culling
+        Leave out the triangles of solids that face away from the light, as the option of `frustum` does.
+    """
+
+    silhouette_planes: bool = True
+    skip_full: bool = True
+    front_face_culling: bool = False
+
+    name: ClassVar[str] = "frustum-gl"
+    paper: ClassVar[str] = "Sintorn, Olsson, Assarsson 2011"
+    guarantee: ClassVar[Guarantee] = Guarantee.EXACT
+    engine: ClassVar[str] = "OpenGL"
+    accepts: ClassVar[tuple[str, ...]] = ("pictures",)
+
+    def prepare(self, scene: Scene, clock: Clock | None = None) -> FrustumGlCaster:
+        return FrustumGlCaster(scene, self.silhouette_planes, self.skip_full, self.front_face_culling, clock)

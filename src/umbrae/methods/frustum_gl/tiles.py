@@ -1,0 +1,73 @@
+"""A picture as a tree of tiles, 32 children each: what `gl/include/tiles.glsl` asks for."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+BRANCH = 3
+"""Level of the nodes that tasks begin at; also in `traversal.glsl`."""
+MAX_LEVELS = 9
+"""Also in `tiles.glsl`: eight of them cover more than a million samples a side."""
+
+
+def shape(level: int) -> tuple[int, int]:
+    """Width and height of a node at that level in nodes of the level below (Sintorn et al. 2011, section 3.4)."""
+    return (8, 4) if level % 2 else (4, 8)
+
+
+class Tiles(NamedTuple):
+    """Levels of nodes over a picture's samples; level 0 are these, the last level is the root.
+
+    Attributes
+    ----------
+    levels
+        `(n, 4) int32`: width and height of each level in nodes, its first word, the first place of its nodes.
+    depth
+        Level of the root.
+    pixels
+        Width of the picture, samples per pixel, and how many of these lie side by side and one above the other.
+    words
+        Number of words: one of 32 bits for each node, and so for its children.
+    nodes
+        Number of places for nodes above level 0: 32 for each node of the next level.
+    places
+        Number of places for samples.
+    """
+
+    levels: NDArray[np.int32]
+    depth: int
+    pixels: tuple[int, int, int, int]
+    words: int
+    nodes: int
+    places: int
+
+    def count(self, level: int) -> int:
+        """Number of nodes at a level."""
+        return int(self.levels[level, 0]) * int(self.levels[level, 1])
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """For shaders that include `tiles.glsl`."""
+        levels = [tuple(row) for row in self.levels.tolist()]
+        return {"levels": levels, "depth": self.depth, "pixels": self.pixels}
+
+
+def tiles_of(width: int, height: int, per_pixel: int) -> Tiles:
+    """The tree over `height` rows of `width` pixels with `per_pixel` samples each, taken as one large picture."""
+    across = next(n for n in range(per_pixel, 0, -1) if per_pixel % n == 0 and n * n <= per_pixel)
+    down = per_pixel // across
+    rows = [(width * across, height * down, 0, 0)]
+    words = nodes = 0
+    while rows[-1][0] * rows[-1][1] > 1 or len(rows) == 1:
+        level = len(rows)
+        size = shape(level)
+        columns, lines = -(-rows[-1][0] // size[0]), -(-rows[-1][1] // size[1])
+        above = shape(level + 1)
+        rows.append((columns, lines, words, nodes))
+        words += columns * lines
+        nodes += 32 * -(-columns // above[0]) * -(-lines // above[1])
+    levels = np.zeros((MAX_LEVELS, 4), np.int32)
+    levels[: len(rows)] = rows
+    places = 32 * rows[1][0] * rows[1][1]
+    return Tiles(levels, len(rows) - 1, (width, per_pixel, across, down), words, nodes, places)
