@@ -10,6 +10,7 @@ from umbrae.clock import Clock
 from umbrae.geometry.solids import Solids, find_solids
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
+from umbrae.methods.area_frustum import check_light_samples, shadow_of_area
 from umbrae.methods.frustum_traversal import CLUSTERS, COUNTERS, merge, traverse_batch, write_out
 from umbrae.methods.light_frame import POSITION_ERROR, LightFrame, light_frames, surface_error
 from umbrae.methods.method import Caster, Method
@@ -50,6 +51,10 @@ class Frustum(Method):
         number is nowhere negative (see `geometry.solids`); all others are never culled, nor are parts that are not
         opaque or whose bounding box holds the light. Off by default: finding the solids takes longer than it saves
         unless the same geometry is asked many times.
+    light_samples
+        How many points of a light with a size each view sample looks at, 1 to 64: its shadow is a multiple of one over
+        this number, exact for these points. They differ from sample to sample (see `area_samples`), and all are tested
+        in one traversal with triangles' whole regions of influence (section 5; see `area_traversal`).
     """
 
     front_face_culling: bool = False
@@ -57,16 +62,20 @@ class Frustum(Method):
     name: ClassVar[str] = "frustum"
     paper: ClassVar[str] = "Sintorn, Olsson, Assarsson 2011"
     guarantee: ClassVar[Guarantee] = Guarantee.EXACT
+    accepts: ClassVar[tuple[str, ...]] = ("pictures", "points", "area lights")
+
+    def __post_init__(self) -> None:
+        check_light_samples(self.light_samples)
 
     def prepare(self, scene: Scene, clock: Clock | None = None) -> "FrustumCaster":
-        return FrustumCaster(scene, self.front_face_culling, clock)
+        return FrustumCaster(scene, self.front_face_culling, clock, self.light_samples)
 
 
 class FrustumCaster(Caster):
     """The triangles in clusters, and the solids if wanted; everything else depends on the light."""
 
-    def __init__(self, scene: Scene, front_face_culling: bool, clock: Clock | None) -> None:
-        self.scene = scene
+    def __init__(self, scene: Scene, front_face_culling: bool, clock: Clock | None, light_samples: int) -> None:
+        self.scene, self.light_samples = scene, light_samples
         self.solids: Solids | None = None
         self.clusters = cluster_triangles(scene, clock)
         if front_face_culling and len(scene.triangles):
@@ -76,6 +85,8 @@ class FrustumCaster(Caster):
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         samples.check(self.scene)
         clock = clock or Clock()
+        if light.is_area:
+            return shadow_of_area(self.scene, self.clusters, self.solids, light, samples, self.light_samples, clock)
         in_shadow = np.zeros(samples.size, bool)
         stats = np.zeros(len(COUNTERS), np.int64)
         if len(self.scene.triangles) and samples.size:
