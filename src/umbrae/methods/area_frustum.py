@@ -8,7 +8,7 @@ from umbrae.errors import OptionError
 from umbrae.geometry.solids import Solids
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
-from umbrae.methods.area_pairs import MOST, Asking, Casting
+from umbrae.methods.area_pairs import MOST
 from umbrae.methods.area_samples import LightDisc, light_disc
 from umbrae.methods.area_setup import cluster_tree, disc_sides
 from umbrae.methods.area_traversal import COUNTERS, shade_node
@@ -90,10 +90,7 @@ def _shadow_block(
         # Only samples whose own triangle turns its back on all of the light are left out.
         leaves, trees = build(samples, own_side, source, frames, limits, turned_away, clock)
         bits[turned_away] = -1
-    casting = Casting(scene.positions, scene.triangles, own_side)
-    asking = Asking(
-        samples.barycentric.reshape(-1, 2), samples.side.reshape(-1), samples.position.reshape(-1, 3), first
-    )
+    raw = samples.barycentric.reshape(-1, 2), samples.side.reshape(-1), samples.position.reshape(-1, 3), first
     with clock.span("traversal"):
         for frame, tree in zip(frames, trees, strict=True):
             if tree is None:
@@ -104,8 +101,8 @@ def _shadow_block(
             def task(node: int, frame=frame, tree=tree, regions=regions) -> NDArray[np.int64]:  # type: ignore[no-untyped-def]
                 counted = np.zeros(len(COUNTERS), np.int64)
                 shade_node(
-                    casting, clusters.corners, clusters.order, sides, regions, disc, frame, asking, leaves, tree, node,
-                    bits, counted,
+                    scene.positions, scene.triangles, own_side, clusters.corners, clusters.order, sides, *regions, disc,
+                    frame, *raw, leaves.place, leaves.ids, leaves.box, *tree, node, bits, counted,
                 )  # fmt: skip
                 return counted
 

@@ -15,20 +15,19 @@ with d, which float32 lanes work out for 16 light samples at once. A determinant
                 and its product with D by less than 512 * 2**-53 |D| |a| |b|, where |D| includes r: `_FILTER`
 
 What these leave open is asked of the exact predicate, light sample by light sample.
+
+Inside the loops no array is sliced, and none taken out of a tuple: counting references would cost more than all else.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from umbrae.geometry.predicates import EXACT, SHADOWED, facing, shadows, surface_point
 from umbrae.geometry.vectors import cross, dot, row, subtract
 from umbrae.methods.area_samples import fill_lights
 from umbrae.methods.area_setup import STRADDLES
-from umbrae.methods.lanes import LANES, load
+from umbrae.methods.lanes import ALL, LANES, load, lowest
 from umbrae.methods.sample_clusters import DARK, OWN, SAMPLE
-from umbrae.parallel import inline
+from umbrae.parallel import expand, inline
 
 MOST = 64
 """Light samples to a view sample: one bit each."""
@@ -39,227 +38,206 @@ _FILTER = 2.0**-44
 (PAIR_TESTS, FALLBACKS, EXACT_TESTS) = range(3)
 
 
-class Casting(NamedTuple):
-    """The scene, and the side of its triangles' planes that the light is on (see `area_setup.disc_sides`)."""
+@inline
+def prepare(
+    lane, own, index, positions, triangles, barycentric, position, first, disc, ready, place, lights, offsets, point,
+):  # fmt: skip
+    """Place a view sample and its light samples, unless that has been done.
 
-    positions: NDArray[np.float32]
-    triangles: NDArray[np.int32]
-    own_side: NDArray[np.int8]
-
-
-class Asking(NamedTuple):
-    """View samples, flat; `first` is the number of those before them in the whole picture."""
-
-    barycentric: NDArray[np.float32]
-    side: NDArray[np.int8]
-    position: NDArray[np.float32]
-    first: int
-
-
-class Lit(NamedTuple):
-    """What is known of the view samples of one leaf, once they are asked about.
-
-    `ready (16,)`; `point (16, 3)` and `magnitude (16,)` their places and M; `light (48, 64)` the light samples, three
-    rows to a view sample; `offset (48, 64)` the same as d / r; `scratch (2, 4)`.
+    `ready (16,)`; `place (4, 16)` position and M; `lights (48, 64)` the light samples, three rows to a view sample;
+    `offsets (48, 64)` the same as d / r, zero for those that do not exist.
     """
-
-    ready: NDArray[np.bool_]
-    point: NDArray[np.float64]
-    magnitude: NDArray[np.float64]
-    light: NDArray[np.float32]
-    offset: NDArray[np.float32]
-    scratch: NDArray[np.float64]
-
-
-@inline
-def new_leaf():
-    """Room for one leaf; offsets of light samples that do not exist stay zero."""
-    return Lit(
-        np.zeros(LANES, np.bool_),
-        np.empty((LANES, 3)),
-        np.empty(LANES),
-        np.zeros((3 * LANES, MOST), np.float32),
-        np.zeros((3 * LANES, MOST), np.float32),
-        np.zeros((2, 4)),
-    )
-
-
-@inline
-def _prepare(lit, lane, own, index, casting, asking, disc):
-    """Place a view sample and its light samples, unless that has been done."""
-    if lit.ready[lane]:
+    if ready[lane]:
         return
-    lit.ready[lane] = True
-    point = lit.scratch[0]
+    ready[lane] = True
     for axis in range(3):
-        point[axis] = asking.position[index, axis]
-    lit.magnitude[lane] = surface_point(
-        casting.positions, casting.triangles, own, np.float64(asking.barycentric[index, 0]),
-        np.float64(asking.barycentric[index, 1]), point,
-    )  # fmt: skip
-    lit.point[lane, 0], lit.point[lane, 1], lit.point[lane, 2] = point[0], point[1], point[2]
-    x, y, z = asking.position[index, 0], asking.position[index, 1], asking.position[index, 2]
-    fill_lights(disc, asking.first + index, x, y, z, lit.light, 3 * lane)
-    inverse = 1.0 / disc.reach
+        point[axis] = position[index, axis]
+    u, v = np.float64(barycentric[index, 0]), np.float64(barycentric[index, 1])
+    place[3, lane] = surface_point(positions, triangles, own, u, v, point)
+    place[0, lane], place[1, lane], place[2, lane] = point[0], point[1], point[2]
+    x, y, z = position[index, 0], position[index, 1], position[index, 2]
+    fill_lights(disc, first + index, x, y, z, lights, 3 * lane)
+    inverse, count = 1.0 / disc.reach, len(disc.pattern)
     for axis in range(3):
-        middle = disc.source[axis]
-        for i in range(len(disc.pattern)):
-            lit.offset[3 * lane + axis, i] = (lit.light[3 * lane + axis, i] - middle) * inverse
+        middle, at = disc.source[axis], 3 * lane + axis
+        for i in range(count):
+            offsets[at, i] = (lights[at, i] - middle) * inverse
 
 
-@inline
+@expand
 def _scaled(m, toward, bound, reach, sign):
-    """A determinant m . (D_0 + d), times a sign, as float32 numbers for `_values`, and what it may be off by."""
+    """A determinant m . (D_0 + d), times a sign, as four numbers for `_values`, and what it may be off by."""
     base = dot(m, toward)
     size = abs(base) + reach * (abs(m[0]) + abs(m[1]) + abs(m[2]))
     factor = 1.0 / size if size > 0.0 else 0.0
-    bound = np.float32(bound * factor * 1.000001 + ROUNDING)
+    bound = bound * factor * 1.000001 + ROUNDING
     factor *= sign
     of_offset = reach * factor
-    return (
-        np.float32(base * factor),
-        np.float32(m[0] * of_offset),
-        np.float32(m[1] * of_offset),
-        np.float32(m[2] * of_offset),
-        bound,
-    )
+    return base * factor, m[0] * of_offset, m[1] * of_offset, m[2] * of_offset, bound
 
 
-@inline
-def _values(offset, start, at, scaled):
+@expand
+def _values(offsets, start, at, base, x, y, z):
     """A determinant for 16 light samples."""
-    x, y, z = load(offset, start, at), load(offset, start + 1, at), load(offset, start + 2, at)
-    return x * scaled[1] + y * scaled[2] + z * scaled[3] + scaled[0]
+    value = load(offsets, start, at) * x + load(offsets, start + 1, at) * y + load(offsets, start + 2, at) * z
+    return value + base
 
 
-@inline
+@expand
 def _largest(a):
-    return max(abs(a[0]), abs(a[1]), abs(a[2]))
+    x, y, z = abs(a[0]), abs(a[1]), abs(a[2])
+    most = x if x > y else y
+    return z if z > most else most
 
 
-@inline
-def _toward_light(positions, a, b, c, source, reach):
-    """n . (l' - w A) of a triangle, scaled."""
+@expand
+def _toward_light(positions, a, b, c, lx, ly, lz, w, reach):
+    """n . (l' - w A) of a triangle, scaled, in float32."""
     corner = row(positions, a)
     e, f = subtract(row(positions, b), corner), subtract(row(positions, c), corner)
-    w = source[3]
-    toward = source[0] - w * corner[0], source[1] - w * corner[1], source[2] - w * corner[2]
-    n = cross(e, f)
+    toward = lx - w * corner[0], ly - w * corner[1], lz - w * corner[2]
     bound = _FILTER * (_largest(toward) + reach) * _largest(e) * _largest(f)
-    return _scaled(n, toward, bound, reach, 1.0)
+    base, x, y, z, bound = _scaled(cross(e, f), toward, bound, reach, 1.0)
+    return np.float32(base), np.float32(x), np.float32(y), np.float32(z), np.float32(bound)
+
+
+@expand
+def _put(scaled, start, lane, base, x, y, z):
+    scaled[start, lane], scaled[start + 1, lane] = base, x
+    scaled[start + 2, lane], scaled[start + 3, lane] = y, z
+
+
+BOUND, BEYOND = 12, 13
 
 
 @inline
-def own_dark(lit, lane, own, index, casting, asking, disc, bits):
+def _put_edges(va, vb, vc, side, lx, ly, lz, w, reach, place, scaled):
+    """The three side planes of a triangle for 16 view samples at once: `scaled` `(14, 16) float32`.
+
+    Four numbers each, then what they may be off by, then the side of the triangle's plane, as the light's: 1, -1, or 0
+    where unsure. "Inside" is positive, as seen from a light on `side`, or (`side` = 0) across from the sample.
+    """
+    for lane in range(LANES):
+        p, magnitude = (place[0, lane], place[1, lane], place[2, lane]), place[3, lane]
+        a, b, c = subtract(va, p), subtract(vb, p), subtract(vc, p)
+        ab, bc, ca = cross(a, b), cross(b, c), cross(c, a)
+        size_a, size_b, size_c = _largest(a) + magnitude, _largest(b) + magnitude, _largest(c) + magnitude
+        volume, bound = dot(a, bc), _FILTER * size_a * size_b * size_c
+        beyond = 1.0 if volume > bound else (-1.0 if volume < -bound else 0.0)
+        sign = side if side != 0.0 else (-1.0 if volume < 0.0 else 1.0)
+        toward = lx - w * p[0], ly - w * p[1], lz - w * p[2]
+        error = _FILTER * (_largest(toward) + w * magnitude + reach)
+        base, x, y, z, bound_ab = _scaled(ab, toward, error * size_a * size_b, reach, sign)
+        _put(scaled, 0, lane, base, x, y, z)
+        base, x, y, z, bound_bc = _scaled(bc, toward, error * size_b * size_c, reach, sign)
+        _put(scaled, 4, lane, base, x, y, z)
+        base, x, y, z, bound_ca = _scaled(ca, toward, error * size_c * size_a, reach, sign)
+        _put(scaled, 8, lane, base, x, y, z)
+        scaled[BOUND, lane] = _largest((bound_ab, bound_bc, bound_ca))
+        scaled[BEYOND, lane] = beyond
+
+
+@inline
+def own_dark(lane, own, positions, triangles, side, disc, lights, offsets, bits, light):
     """The bits of a view sample, with those of light samples on the other side of its own triangle's plane."""
-    _prepare(lit, lane, own, index, casting, asking, disc)
-    a, b, c = casting.triangles[own, 0], casting.triangles[own, 1], casting.triangles[own, 2]
-    towards = _toward_light(casting.positions, a, b, c, disc.source, disc.reach)
-    for group in range(-(-len(disc.pattern) // LANES)):
-        value = _values(lit.offset, 3 * lane, LANES * group, towards)
-        before, behind = value > towards[4], value < -towards[4]
-        bits |= np.int64(behind if asking.side[index] > 0 else before) << (LANES * group)
-        unsure = np.int64(~(before | behind)) << (LANES * group)
-        for i in range(LANES * group, min(LANES * (group + 1), len(disc.pattern))):
-            if unsure >> i & 1:
-                light = _light(lit, lane, i, disc)
-                if asking.side[index] * facing(casting.positions, casting.triangles, own, light) < 0:
+    a, b, c = triangles[own, 0], triangles[own, 1], triangles[own, 2]
+    lx, ly, lz, w = disc.source[0], disc.source[1], disc.source[2], disc.source[3]
+    base, x, y, z, bound = _toward_light(positions, a, b, c, lx, ly, lz, w, disc.reach)
+    count = len(disc.pattern)
+    for at in range(0, count, LANES):
+        value = _values(offsets, 3 * lane, at, base, x, y, z)
+        before, behind = value > bound, value < -bound
+        bits |= np.int64(behind if side > 0 else before) << at
+        unsure = ~(before | behind) & ALL
+        while unsure:
+            i = at + np.int64(lowest(unsure))
+            unsure &= unsure - np.int32(1)
+            if i < count:
+                light[0], light[1], light[2] = lights[3 * lane, i], lights[3 * lane + 1, i], lights[3 * lane + 2, i]
+                light[3] = w
+                if side * facing(positions, triangles, own, light) < 0:
                     bits |= np.int64(1) << i
     return bits
 
 
 @inline
-def _light(lit, lane, i, disc):
-    """One light sample as a homogeneous light."""
-    light = lit.scratch[1]
-    for axis in range(3):
-        light[axis] = lit.light[3 * lane + axis, i]
-    light[3] = disc.source[3]
-    return light
+def darken_lanes(
+    maybe, slot, t, side_of_light, lx, ly, lz, w, reach, count, positions, triangles, barycentric, side, position,
+    leaf_ids, place, scaled, lights, offsets, bits, point, light, stats,
+):  # fmt: skip
+    """Set the bits of those view samples in `maybe` whose light samples triangle t hides.
 
-
-@inline
-def darkened(lit, lane, own, index, t, side, casting, asking, disc, bits, stats):
-    """The bits of a view sample, with those of light samples that triangle t hides from it.
-
-    `side` is that of t's plane which the light is on, or `STRADDLES`. Bits that are set already are not asked again.
+    `side_of_light` is that of t's plane which the light is on, or `STRADDLES`. Bits that are set already are not asked
+    again.
     """
-    _prepare(lit, lane, own, index, casting, asking, disc)
-    stats[PAIR_TESTS] += 1
-    positions, reach, source, w = casting.positions, disc.reach, disc.source, disc.source[3]
-    i, j, k = casting.triangles[t, 0], casting.triangles[t, 1], casting.triangles[t, 2]
-    point, magnitude = row(lit.point, lane), lit.magnitude[lane]
-    a, b, c = subtract(row(positions, i), point), subtract(row(positions, j), point), subtract(row(positions, k), point)
-    ab, bc, ca = cross(a, b), cross(b, c), cross(c, a)
-    largest_a, largest_b, largest_c = _largest(a) + magnitude, _largest(b) + magnitude, _largest(c) + magnitude
-    volume, bound = dot(a, bc), _FILTER * largest_a * largest_b * largest_c
-    beyond = 1 if volume > bound else (-1 if volume < -bound else 0)
-    if side != STRADDLES and beyond == -side:
-        return bits
-    # Which sign says "inside": that of the light's side, or of the sample's, one of which must be known.
-    sign = side if side != STRADDLES else beyond
-    flip = -1.0 if sign < 0 else 1.0
-    toward = source[0] - w * point[0], source[1] - w * point[1], source[2] - w * point[2]
-    error = _FILTER * (_largest(toward) + w * magnitude + reach)
-    first = _scaled(ab, toward, error * largest_a * largest_b, reach, flip)
-    second = _scaled(bc, toward, error * largest_b * largest_c, reach, flip)
-    third = _scaled(ca, toward, error * largest_c * largest_a, reach, flip)
-    towards = first
-    if side == STRADDLES:
-        towards = _toward_light(positions, i, j, k, source, reach)
-    for group in range(-(-len(disc.pattern) // LANES)):
-        at = LANES * group
-        todo = np.int32(~(bits >> at) & 0xFFFF)
-        if todo == 0:
+    i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+    straddles = side_of_light == STRADDLES
+    known_side = 0.0 if straddles else np.float64(side_of_light)
+    _put_edges(row(positions, i), row(positions, j), row(positions, k), known_side, lx, ly, lz, w, reach, place, scaled)
+    base, tx, ty, tz, limit = _toward_light(positions, i, j, k, lx, ly, lz, w, reach)
+    while maybe:
+        lane = np.int64(lowest(maybe))
+        maybe &= maybe - np.int32(1)
+        stats[PAIR_TESTS] += 1
+        bound, beyond = scaled[BOUND, lane], scaled[BEYOND, lane]
+        if beyond == -known_side and not straddles:
             continue
-        u = _values(lit.offset, 3 * lane, at, first)
-        v = _values(lit.offset, 3 * lane, at, second)
-        x = _values(lit.offset, 3 * lane, at, third)
-        outside = (u < -first[4]) | (v < -second[4]) | (x < -third[4])
-        inside = (u > first[4]) & (v > second[4]) & (x > third[4])
-        if sign == 0:
-            outside &= (u > first[4]) | (v > second[4]) | (x > third[4])
-        elif side == STRADDLES:
-            value = _values(lit.offset, 3 * lane, at, towards)
-            before, behind = value > towards[4], value < -towards[4]
-            outside |= behind if sign > 0 else before
-            inside &= before if sign > 0 else behind
-        if beyond == 0:
-            inside = np.int32(0)
-        bits |= np.int64(inside & todo) << at
-        unsure = todo & ~inside & ~outside
-        if unsure:
-            bits |= _settle(lit, lane, own, index, t, np.int64(unsure) << at, at, casting, asking, disc, stats)
-    return bits
-
-
-@inline
-def _settle(lit, lane, own, index, t, unsure, start, casting, asking, disc, stats):
-    """The bits of those light samples of `unsure` that triangle t hides, by the predicate."""
-    found = np.int64(0)
-    point = lit.scratch[0]
-    for i in range(start, min(start + LANES, len(disc.pattern))):
-        if unsure >> i & 1:
-            light = _light(lit, lane, i, disc)
-            stats[FALLBACKS] += 1
-            towards = facing(casting.positions, casting.triangles, t, light)
-            if towards == 0:
+        index = np.int64(leaf_ids[slot, SAMPLE + lane])
+        dark, start = bits[index], 3 * lane
+        for at in range(0, count, LANES):
+            todo = np.int32(~(dark >> at) & ALL)
+            if todo == 0:
                 continue
-            for axis in range(3):
-                point[axis] = asking.position[index, axis]
-            answer = shadows(
-                casting.positions, casting.triangles, t, towards, light, own,
-                np.float64(asking.barycentric[index, 0]), np.float64(asking.barycentric[index, 1]),
-                np.int64(asking.side[index]), point, True,
-            )  # fmt: skip
-            if answer & EXACT:
-                stats[EXACT_TESTS] += 1
-            if answer & SHADOWED:
-                found |= np.int64(1) << i
-    return found
+            u = _values(offsets, start, at, scaled[0, lane], scaled[1, lane], scaled[2, lane], scaled[3, lane])
+            v = _values(offsets, start, at, scaled[4, lane], scaled[5, lane], scaled[6, lane], scaled[7, lane])
+            x = _values(offsets, start, at, scaled[8, lane], scaled[9, lane], scaled[10, lane], scaled[11, lane])
+            least = lesser(lesser(u, v), x)
+            outside, inside = least < -bound, least > bound
+            if beyond == 0:
+                inside = np.int32(0)
+                if straddles:
+                    # Which sign says "inside" is unknown; but it is the same for all three.
+                    zero = splat(np.float32(0.0))
+                    outside &= lesser(lesser(zero - u, zero - v), zero - x) < -bound
+            elif straddles:
+                value = _values(offsets, start, at, base, tx, ty, tz)
+                before, behind = value > limit, value < -limit
+                outside |= behind if beyond > 0 else before
+                inside &= before if beyond > 0 else behind
+            dark |= np.int64(inside & todo) << at
+            unsure = todo & ~inside & ~outside
+            while unsure:
+                number = at + np.int64(lowest(unsure))
+                unsure &= unsure - np.int32(1)
+                for axis in range(3):
+                    light[axis], point[axis] = lights[start + axis, number], position[index, axis]
+                light[3] = w
+                if _settle(
+                    positions, triangles, t, light, np.int64(leaf_ids[slot, OWN + lane]), barycentric[index, 0],
+                    barycentric[index, 1], side[index], point, stats,
+                ):  # fmt: skip
+                    dark |= np.int64(1) << number
+        bits[index] = dark
+        if dark == -1:
+            leaf_ids[slot, OWN + lane] = DARK
 
 
 @inline
+def _settle(positions, triangles, t, light, own, u, v, side, point, stats):
+    """Whether triangle t hides one light sample, by the predicate."""
+    stats[FALLBACKS] += 1
+    towards = facing(positions, triangles, t, light)
+    if towards == 0:
+        return 0
+    answer = shadows(
+        positions, triangles, t, towards, light, own, np.float64(u), np.float64(v), np.int64(side), point, True
+    )
+    if answer & EXACT:
+        stats[EXACT_TESTS] += 1
+    return answer & SHADOWED
+
+
+@expand
 def darken(leaf_ids, slot, lane, bits):
     """Put a view sample that sees nothing of the light out of the way."""
     bits[leaf_ids[slot, SAMPLE + lane]] = -1

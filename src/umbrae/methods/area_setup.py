@@ -11,15 +11,20 @@ along its axis, x = P'_a / Z, q = 1 / Z) it is not where V is, but not far away:
     directional      V - P = t (l + d), q_V - q_P = t (|l_c| +- d_c), so that
                      |x_P - x_V| = t |d_a - (l_a / l_c) d_c| <= r sqrt(1 + (l_a / l_c)**2) (q_V - q_P) / (|l_c| - r)
 
-and the same for y; q_P <= q_V in both. So a triangle's shadow frustum is widened by a slope times the difference in q:
-the region of influence is a frustum that opens downward, and next to its own surface it is no wider than the triangle.
-This needs the triangle to be farther from the light's plane than r (|l_c| > r for a directional light); a triangle
-that comes closer meets everything, one that lies wholly on the other side of the light nothing.
+and the same for y; q_P <= q_V in both. More generally, along any direction (u, v) in the frame,
 
-Two more things follow. An edge's side plane, a x + b y + c >= 0 for V in the triangle, holds for P but for
-(|a| slope_x + |b| slope_y) (q_V - q_P). And where P is on the inner side of all three by more than that, and beyond
-the triangle's plane while all of the light is before it, the triangle hides the whole light: move d from 0 outward; V
-starts inside the triangle and could leave it only across an edge, which the bound, valid there, rules out.
+    |u (x_P - x_V) + v (y_P - y_V)| <= slope sqrt(u**2 + v**2) (q_V - q_P),   slope = r sqrt(1 + x_V**2 + y_V**2) / (1 - r q_V)
+
+and with the slopes l_a / l_c, l_b / l_c for x_V, y_V over |l_c| - r for a directional light. So a triangle's shadow
+frustum is widened by a slope times the difference in q: the region of influence is a frustum that opens downward, and
+next to its own surface it is no wider than the triangle. This needs the triangle to be farther from the light's plane
+than r (|l_c| > r for a directional light); a triangle that comes closer meets everything, one that lies wholly on the
+other side of the light nothing.
+
+Two more things follow. An edge's side plane, a x + b y + c >= 0 for V in the triangle, holds for P but for its
+*opening*, slope sqrt(a**2 + b**2), times q_V - q_P. And where P is on the inner side of all three by more than that,
+and beyond the triangle's plane while all of the light is before it, the triangle hides the whole light: move d from 0
+outward; V starts inside the triangle and could leave it only across an edge, which the bound, valid there, rules out.
 """
 
 from typing import NamedTuple
@@ -31,6 +36,7 @@ from umbrae.clock import Clock
 from umbrae.geometry.predicates import leading_sign, plane_normal_terms, vertex
 from umbrae.methods.area_samples import LightDisc
 from umbrae.methods.frustum_setup import (
+    PLANES,
     RECT_QMAX,
     RECT_XMAX,
     RECT_XMIN,
@@ -48,7 +54,12 @@ STRADDLES = 2
 """In place of a side: the triangle's plane goes through the light."""
 
 SLOPE_X, SLOPE_Y = 5, 6
-"""After the bounds of a frustum: how much wider it gets in x and y for each unit of q."""
+"""After the bounds of a frustum: how much wider it gets in x and y for each unit of q, in window units."""
+
+OPENING = PLANES
+"""After the planes of 16 frusta: the openings of their three edges."""
+
+EDGED_PLANES = PLANES + 3 * LANES
 
 COLUMNS = 7
 REGIONS = COLUMNS * LANES
@@ -192,7 +203,7 @@ def bound_regions(corners, cluster, source, reach, frame, regions, k):
     axis = frame.axis_c
     bounded = np.int32(0)
     for lane in range(LANES):
-        slope_x, slope_y = 0.0, 0.0
+        slope = 0.0
         if source[3] != 0.0:
             z0 = frame.sign * (np.float64(corners[cluster, 0, axis, lane]) - source[axis])
             z1 = frame.sign * (np.float64(corners[cluster, 1, axis, lane]) - source[axis])
@@ -204,15 +215,14 @@ def bound_regions(corners, cluster, source, reach, frame, regions, k):
                 slope = reach / (1.0 - reach / nearest)
                 x = abs(frame.x0) + frame.hx * _magnitude(regions, k, RECT_XMIN, lane)
                 y = abs(frame.y0) + frame.hy * _magnitude(regions, k, RECT_YMIN, lane)
-                slope_x, slope_y = slope * np.sqrt(1.0 + x * x), slope * np.sqrt(1.0 + y * y)
+                slope *= np.sqrt(1.0 + x * x + y * y)
         else:
             room = abs(source[axis]) - reach
             clear, nothing = room > (CLEAR_OF - 1.0) * reach, False
-            if clear:
-                slope_x = reach * np.sqrt(1.0 + frame.slope_a * frame.slope_a) / room
-                slope_y = reach * np.sqrt(1.0 + frame.slope_b * frame.slope_b) / room
-        slope_x *= (1.0 + 2.0**-20) * frame.hq / frame.hx
-        slope_y *= (1.0 + 2.0**-20) * frame.hq / frame.hy
+            slope = reach * np.sqrt(1.0 + frame.slope_a * frame.slope_a + frame.slope_b * frame.slope_b)
+            slope /= room if clear else 1.0
+        slope *= (1.0 + 2.0**-20) * frame.hq
+        slope_x, slope_y = slope / frame.hx, slope / frame.hy
         if clear and max(slope_x, slope_y) < STEEPEST:
             bounded |= np.int32(1) << np.int32(lane)
         else:
@@ -223,6 +233,16 @@ def bound_regions(corners, cluster, source, reach, frame, regions, k):
             slope_x, slope_y = 0.0, 0.0
         regions[k, SLOPE_X * LANES + lane], regions[k, SLOPE_Y * LANES + lane] = slope_x, slope_y
     return bounded
+
+
+@inline
+def put_openings(regions, planes, k):
+    """How much wider than an edge's side plane the region of influence gets for each unit of q, of 16 triangles."""
+    for edge in range(3):
+        for lane in range(LANES):
+            x = np.float64(planes[k, 3 * edge * LANES + lane]) * np.float64(regions[k, SLOPE_X * LANES + lane])
+            y = np.float64(planes[k, (3 * edge + 1) * LANES + lane]) * np.float64(regions[k, SLOPE_Y * LANES + lane])
+            planes[k, OPENING + edge * LANES + lane] = np.sqrt(x * x + y * y) * (1.0 + 2.0**-20)
 
 
 @inline
