@@ -11,7 +11,7 @@ from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.area_pairs import MOST
 from umbrae.methods.area_samples import LightDisc, light_disc
 from umbrae.methods.area_setup import cluster_tree, disc_sides
-from umbrae.methods.area_traversal import COUNTERS, shade_node
+from umbrae.methods.area_traversal import COUNTERS, shade_node, write_shares
 from umbrae.methods.light_frame import POSITION_ERROR, light_frames, surface_error
 from umbrae.methods.sample_tree import build
 from umbrae.methods.triangle_clusters import TriangleClusters
@@ -21,6 +21,8 @@ from umbrae.scene import Scene
 
 BLOCK = 1 << 23
 """Samples per hierarchy, to bound the memory."""
+
+_SAMPLES_PER_TASK = 1 << 16
 
 
 def check_light_samples(count: int) -> None:
@@ -55,14 +57,19 @@ def shadow_of_area(
             block = samples if step >= samples.shape[0] else samples.rows(start, start + step)
             part = bits[start * width : (start + step) * width]
             _shadow_block(scene, clusters, disc, block, start * width, own_side, sides, part, stats, clock)
-    in_shadow = (bits == -1).reshape(samples.shape)
-    visible = (np.bitwise_count(~bits.view(np.uint64)) / np.float32(count)).astype(np.float32)
-    counters = dict(zip(COUNTERS, (int(n) for n in stats), strict=True))
+    in_shadow, shares = np.empty(samples.size, bool), np.empty((samples.size, 3), np.float32)
+
+    def write(number: int) -> None:
+        start, stop = number * _SAMPLES_PER_TASK, min((number + 1) * _SAMPLES_PER_TASK, samples.size)
+        write_shares(start, stop, bits, count, in_shadow, shares)
+
+    with clock.span("merge"):
+        run(write, -(-samples.size // _SAMPLES_PER_TASK), clock)
     return ShadowMask(
-        in_shadow,
+        in_shadow.reshape(samples.shape),
         Guarantee.EXACT,
-        stats={**counters, "light_samples": count},
-        partial=np.repeat(visible.reshape(*samples.shape, 1), 3, axis=-1),
+        stats={**dict(zip(COUNTERS, (int(n) for n in stats), strict=True)), "light_samples": count},
+        partial=shares.reshape(*samples.shape, 3),
     )
 
 

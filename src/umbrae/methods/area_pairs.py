@@ -25,7 +25,7 @@ from umbrae.geometry.predicates import EXACT, SHADOWED, facing, shadows, surface
 from umbrae.geometry.vectors import cross, dot, row, subtract
 from umbrae.methods.area_samples import fill_lights
 from umbrae.methods.area_setup import STRADDLES
-from umbrae.methods.lanes import ALL, LANES, load, lowest
+from umbrae.methods.lanes import ALL, LANES, lesser, load, lowest, splat
 from umbrae.methods.sample_clusters import DARK, OWN, SAMPLE
 from umbrae.parallel import expand, inline
 
@@ -44,8 +44,8 @@ def prepare(
 ):  # fmt: skip
     """Place a view sample and its light samples, unless that has been done.
 
-    `ready (16,)`; `place (4, 16)` position and M; `lights (48, 64)` the light samples, three rows to a view sample;
-    `offsets (48, 64)` the same as d / r, zero for those that do not exist.
+    `ready (16,)`; `place (64,)` x, y, z and M, lane by lane; `lights (48, 64)` the light samples, three rows to a view
+    sample; `offsets (48, 64)` the same as d / r, zero for those that do not exist.
     """
     if ready[lane]:
         return
@@ -53,8 +53,9 @@ def prepare(
     for axis in range(3):
         point[axis] = position[index, axis]
     u, v = np.float64(barycentric[index, 0]), np.float64(barycentric[index, 1])
-    place[3, lane] = surface_point(positions, triangles, own, u, v, point)
-    place[0, lane], place[1, lane], place[2, lane] = point[0], point[1], point[2]
+    place[3 * LANES + lane] = surface_point(positions, triangles, own, u, v, point)
+    for axis in range(3):
+        place[axis * LANES + lane] = point[axis]
     x, y, z = position[index, 0], position[index, 1], position[index, 2]
     fill_lights(disc, first + index, x, y, z, lights, 3 * lane)
     inverse, count = 1.0 / disc.reach, len(disc.pattern)
@@ -69,7 +70,7 @@ def _scaled(m, toward, bound, reach, sign):
     """A determinant m . (D_0 + d), times a sign, as four numbers for `_values`, and what it may be off by."""
     base = dot(m, toward)
     size = abs(base) + reach * (abs(m[0]) + abs(m[1]) + abs(m[2]))
-    factor = 1.0 / size if size > 0.0 else 0.0
+    factor = 1.0 / (size if size > 0.0 else 1.0)
     bound = bound * factor * 1.000001 + ROUNDING
     factor *= sign
     of_offset = reach * factor
@@ -81,6 +82,12 @@ def _values(offsets, start, at, base, x, y, z):
     """A determinant for 16 light samples."""
     value = load(offsets, start, at) * x + load(offsets, start + 1, at) * y + load(offsets, start + 2, at) * z
     return value + base
+
+
+@expand
+def _edge_values(offsets, start, at, scaled, k):
+    """`_values` of an edge, whose numbers stand in `scaled` from `k` on."""
+    return _values(offsets, start, at, scaled[k], scaled[k + LANES], scaled[k + 2 * LANES], scaled[k + 3 * LANES])
 
 
 @expand
@@ -103,8 +110,8 @@ def _toward_light(positions, a, b, c, lx, ly, lz, w, reach):
 
 @expand
 def _put(scaled, start, lane, base, x, y, z):
-    scaled[start, lane], scaled[start + 1, lane] = base, x
-    scaled[start + 2, lane], scaled[start + 3, lane] = y, z
+    scaled[start * LANES + lane], scaled[(start + 1) * LANES + lane] = base, x
+    scaled[(start + 2) * LANES + lane], scaled[(start + 3) * LANES + lane] = y, z
 
 
 BOUND, BEYOND = 12, 13
@@ -112,13 +119,13 @@ BOUND, BEYOND = 12, 13
 
 @inline
 def _put_edges(va, vb, vc, side, lx, ly, lz, w, reach, place, scaled):
-    """The three side planes of a triangle for 16 view samples at once: `scaled` `(14, 16) float32`.
+    """The three side planes of a triangle for 16 view samples at once: `scaled` `(14 * 16,) float32`.
 
     Four numbers each, then what they may be off by, then the side of the triangle's plane, as the light's: 1, -1, or 0
     where unsure. "Inside" is positive, as seen from a light on `side`, or (`side` = 0) across from the sample.
     """
     for lane in range(LANES):
-        p, magnitude = (place[0, lane], place[1, lane], place[2, lane]), place[3, lane]
+        p, magnitude = (place[lane], place[LANES + lane], place[2 * LANES + lane]), place[3 * LANES + lane]
         a, b, c = subtract(va, p), subtract(vb, p), subtract(vc, p)
         ab, bc, ca = cross(a, b), cross(b, c), cross(c, a)
         size_a, size_b, size_c = _largest(a) + magnitude, _largest(b) + magnitude, _largest(c) + magnitude
@@ -133,8 +140,8 @@ def _put_edges(va, vb, vc, side, lx, ly, lz, w, reach, place, scaled):
         _put(scaled, 4, lane, base, x, y, z)
         base, x, y, z, bound_ca = _scaled(ca, toward, error * size_c * size_a, reach, sign)
         _put(scaled, 8, lane, base, x, y, z)
-        scaled[BOUND, lane] = _largest((bound_ab, bound_bc, bound_ca))
-        scaled[BEYOND, lane] = beyond
+        scaled[BOUND * LANES + lane] = _largest((bound_ab, bound_bc, bound_ca))
+        scaled[BEYOND * LANES + lane] = beyond
 
 
 @inline
@@ -179,7 +186,7 @@ def darken_lanes(
         lane = np.int64(lowest(maybe))
         maybe &= maybe - np.int32(1)
         stats[PAIR_TESTS] += 1
-        bound, beyond = scaled[BOUND, lane], scaled[BEYOND, lane]
+        bound, beyond = scaled[BOUND * LANES + lane], scaled[BEYOND * LANES + lane]
         if beyond == -known_side and not straddles:
             continue
         index = np.int64(leaf_ids[slot, SAMPLE + lane])
@@ -188,9 +195,9 @@ def darken_lanes(
             todo = np.int32(~(dark >> at) & ALL)
             if todo == 0:
                 continue
-            u = _values(offsets, start, at, scaled[0, lane], scaled[1, lane], scaled[2, lane], scaled[3, lane])
-            v = _values(offsets, start, at, scaled[4, lane], scaled[5, lane], scaled[6, lane], scaled[7, lane])
-            x = _values(offsets, start, at, scaled[8, lane], scaled[9, lane], scaled[10, lane], scaled[11, lane])
+            u = _edge_values(offsets, start, at, scaled, 0 * LANES + lane)
+            v = _edge_values(offsets, start, at, scaled, 4 * LANES + lane)
+            x = _edge_values(offsets, start, at, scaled, 8 * LANES + lane)
             least = lesser(lesser(u, v), x)
             outside, inside = least < -bound, least > bound
             if beyond == 0:

@@ -5,26 +5,22 @@ from one of them lies beyond V, on the line from l + d through V. In the light f
 along its axis, x = P'_a / Z, q = 1 / Z) it is not where V is, but not far away:
 
     point light      V - l = s (P - l) + (1 - s) d, so that  x_P - x_V = (1 - s) (x_V d_c - d_a) / (s Z_P)
-                     and, with (1 - s) / s = (Z_P - Z_V) / (Z_V - d_c),
-                     |x_P - x_V| <= r sqrt(1 + x_V**2) (Z_P - Z_V) / (Z_P (Z_V - r))
-                                  = r sqrt(1 + x_V**2) (q_V - q_P) / (1 - r q_V)
-    directional      V - P = t (l + d), q_V - q_P = t (|l_c| +- d_c), so that
-                     |x_P - x_V| = t |d_a - (l_a / l_c) d_c| <= r sqrt(1 + (l_a / l_c)**2) (q_V - q_P) / (|l_c| - r)
+                     and, with (1 - s) / s = (Z_P - Z_V) / (Z_V - d_c), for any direction (u, v) in the frame,
+                     |u (x_P - x_V) + v (y_P - y_V)| <= slope sqrt(u**2 + v**2 + (u x_V + v y_V)**2) (q_V - q_P)
+                     slope = r / (1 - r q_V)
+    directional      V - P = t (l + d), q_V - q_P = t (|l_c| +- d_c), so that x_P - x_V = t ((l_a / l_c) d_c - d_a):
+                     the same with l_a / l_c, l_b / l_c in place of x_V, y_V, and slope = r / (|l_c| - r)
 
-and the same for y; q_P <= q_V in both. More generally, along any direction (u, v) in the frame,
-
-    |u (x_P - x_V) + v (y_P - y_V)| <= slope sqrt(u**2 + v**2) (q_V - q_P),   slope = r sqrt(1 + x_V**2 + y_V**2) / (1 - r q_V)
-
-and with the slopes l_a / l_c, l_b / l_c for x_V, y_V over |l_c| - r for a directional light. So a triangle's shadow
-frustum is widened by a slope times the difference in q: the region of influence is a frustum that opens downward, and
-next to its own surface it is no wider than the triangle. This needs the triangle to be farther from the light's plane
-than r (|l_c| > r for a directional light); a triangle that comes closer meets everything, one that lies wholly on the
-other side of the light nothing.
+while q_P <= q_V in both. So a triangle's shadow frustum is widened by a slope times the difference in q: the region of
+influence is a frustum that opens downward, and next to its own surface it is no wider than the triangle. This needs the
+triangle to be farther from the light's plane than r (|l_c| > r for a directional light); a triangle that comes closer
+meets everything, one that lies wholly on the other side of the light nothing.
 
 Two more things follow. An edge's side plane, a x + b y + c >= 0 for V in the triangle, holds for P but for its
-*opening*, slope sqrt(a**2 + b**2), times q_V - q_P. And where P is on the inner side of all three by more than that,
-and beyond the triangle's plane while all of the light is before it, the triangle hides the whole light: move d from 0
-outward; V starts inside the triangle and could leave it only across an edge, which the bound, valid there, rules out.
+*opening*, slope sqrt(a**2 + b**2 + (a x + b y)**2) for the largest |a x + b y|, times q_V - q_P. And where P is on the
+inner side of all three by more than that, and beyond the triangle's plane while all of the light is before it, the
+triangle hides the whole light: move d from 0 outward; V starts inside the triangle and could leave it only across an
+edge, which the bound, valid there, rules out.
 """
 
 from typing import NamedTuple
@@ -47,21 +43,21 @@ from umbrae.methods.frustum_setup import (
 from umbrae.methods.lanes import LANES, choose, equal, largest, load, smallest, splat
 from umbrae.methods.light_frame import LightFrame
 from umbrae.methods.triangle_clusters import TriangleClusters
-from umbrae.parallel import inline, kernel, run
+from umbrae.parallel import expand, inline, kernel, run
 from umbrae.scene import Scene
 
 STRADDLES = 2
 """In place of a side: the triangle's plane goes through the light."""
 
-SLOPE_X, SLOPE_Y = 5, 6
-"""After the bounds of a frustum: how much wider it gets in x and y for each unit of q, in window units."""
+SLOPE_X, SLOPE_Y, SLOPE = 5, 6, 7
+"""After the bounds of a frustum: how much wider it gets in x and y for each unit of q, and the slope; window units."""
 
 OPENING = PLANES
 """After the planes of 16 frusta: the openings of their three edges."""
 
 EDGED_PLANES = PLANES + 3 * LANES
 
-COLUMNS = 7
+COLUMNS = 8
 REGIONS = COLUMNS * LANES
 
 CLEAR_OF = 1.001
@@ -124,7 +120,7 @@ def cluster_tree(
     level = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
     region = np.empty((level[-1], REGIONS), np.float32)
     # Of children that do not exist, bounds that meet nothing.
-    region[:] = np.repeat(np.array([np.inf, -np.inf, np.inf, -np.inf, -np.inf, 0, 0], np.float32), LANES)
+    region[:] = np.repeat(np.array([np.inf, -np.inf, np.inf, -np.inf, -np.inf, 0, 0, 0], np.float32), LANES)
 
     def task(chunk: int) -> None:
         start, stop = chunk * _CHUNK, min((chunk + 1) * _CHUNK, len(corners))
@@ -203,26 +199,25 @@ def bound_regions(corners, cluster, source, reach, frame, regions, k):
     axis = frame.axis_c
     bounded = np.int32(0)
     for lane in range(LANES):
-        slope = 0.0
+        x0, x1, y0, y1 = _extent(regions, k, lane, frame)
+        x, y, slope = max(-x0, x1), max(-y0, y1), 0.0
         if source[3] != 0.0:
             z0 = frame.sign * (np.float64(corners[cluster, 0, axis, lane]) - source[axis])
             z1 = frame.sign * (np.float64(corners[cluster, 1, axis, lane]) - source[axis])
             z2 = frame.sign * (np.float64(corners[cluster, 2, axis, lane]) - source[axis])
             nearest, farthest = min(z0, z1, z2), max(z0, z1, z2)
-            clear = nearest > CLEAR_OF * reach and abs(regions[k, RECT_XMIN * LANES + lane]) < np.inf
+            clear = nearest > CLEAR_OF * reach and x < np.inf
             nothing = farthest < -CLEAR_OF * reach
             if clear:
                 slope = reach / (1.0 - reach / nearest)
-                x = abs(frame.x0) + frame.hx * _magnitude(regions, k, RECT_XMIN, lane)
-                y = abs(frame.y0) + frame.hy * _magnitude(regions, k, RECT_YMIN, lane)
-                slope *= np.sqrt(1.0 + x * x + y * y)
         else:
+            x, y = abs(frame.slope_a), abs(frame.slope_b)
             room = abs(source[axis]) - reach
             clear, nothing = room > (CLEAR_OF - 1.0) * reach, False
-            slope = reach * np.sqrt(1.0 + frame.slope_a * frame.slope_a + frame.slope_b * frame.slope_b)
-            slope /= room if clear else 1.0
+            if clear:
+                slope = reach / room
         slope *= (1.0 + 2.0**-20) * frame.hq
-        slope_x, slope_y = slope / frame.hx, slope / frame.hy
+        slope_x, slope_y = slope * np.sqrt(1.0 + x * x) / frame.hx, slope * np.sqrt(1.0 + y * y) / frame.hy
         if clear and max(slope_x, slope_y) < STEEPEST:
             bounded |= np.int32(1) << np.int32(lane)
         else:
@@ -230,26 +225,36 @@ def bound_regions(corners, cluster, source, reach, frame, regions, k):
             regions[k, RECT_XMIN * LANES + lane], regions[k, RECT_XMAX * LANES + lane] = -far, far
             regions[k, RECT_YMIN * LANES + lane], regions[k, RECT_YMAX * LANES + lane] = -far, far
             regions[k, RECT_QMAX * LANES + lane] = far
-            slope_x, slope_y = 0.0, 0.0
+            slope, slope_x, slope_y = 0.0, 0.0, 0.0
         regions[k, SLOPE_X * LANES + lane], regions[k, SLOPE_Y * LANES + lane] = slope_x, slope_y
+        regions[k, SLOPE * LANES + lane] = slope
     return bounded
 
 
+@expand
+def _extent(regions, k, lane, frame):
+    """A frustum's bounds in x and y, not in window units."""
+    return (
+        frame.x0 + frame.hx * np.float64(regions[k, RECT_XMIN * LANES + lane]),
+        frame.x0 + frame.hx * np.float64(regions[k, RECT_XMAX * LANES + lane]),
+        frame.y0 + frame.hy * np.float64(regions[k, RECT_YMIN * LANES + lane]),
+        frame.y0 + frame.hy * np.float64(regions[k, RECT_YMAX * LANES + lane]),
+    )
+
+
 @inline
-def put_openings(regions, planes, k):
-    """How much wider than an edge's side plane the region of influence gets for each unit of q, of 16 triangles."""
+def put_openings(regions, planes, k, directional, frame):
+    """The openings of three edges of 16 triangles, in window units. The factor covers the roundings, as above."""
     for edge in range(3):
+        at, out = 3 * edge * LANES, OPENING + edge * LANES
         for lane in range(LANES):
-            x = np.float64(planes[k, 3 * edge * LANES + lane]) * np.float64(regions[k, SLOPE_X * LANES + lane])
-            y = np.float64(planes[k, (3 * edge + 1) * LANES + lane]) * np.float64(regions[k, SLOPE_Y * LANES + lane])
-            planes[k, OPENING + edge * LANES + lane] = np.sqrt(x * x + y * y) * (1.0 + 2.0**-20)
-
-
-@inline
-def _magnitude(regions, k, column, lane):
-    """The largest of a frustum's |x| or |y| in window units."""
-    low, high = regions[k, column * LANES + lane], regions[k, (column + 1) * LANES + lane]
-    return np.float64(max(abs(low), abs(high)))
+            x0, x1, y0, y1 = _extent(regions, k, lane, frame)
+            x0, x1 = (frame.slope_a, frame.slope_a) if directional else (x0, x1)
+            y0, y1 = (frame.slope_b, frame.slope_b) if directional else (y0, y1)
+            a, b = np.float64(planes[k, at + lane]) / frame.hx, np.float64(planes[k, at + LANES + lane]) / frame.hy
+            middle = abs(a * (x0 + x1) + b * (y0 + y1)) + abs(a) * (x1 - x0) + abs(b) * (y1 - y0)
+            size = np.sqrt(a * a + b * b + 0.25 * middle * middle) * (1.0 + 2.0**-20)
+            planes[k, out + lane] = np.float64(regions[k, SLOPE * LANES + lane]) * size
 
 
 @inline

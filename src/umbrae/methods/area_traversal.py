@@ -157,7 +157,7 @@ def _keep(
         if mask & bounded[k]:
             if not ready[k]:
                 put_planes(corners, number_of[k], sides, source, frame, planes, k)
-                put_openings(regions, planes, k)
+                put_openings(regions, planes, k, source[3] == 0.0, frame)
                 ready[k] = True
             reject, accept = _against_box(planes, regions, k, xmin, xmax, ymin, ymax, qmin, qmax)
             reject &= bounded[k]
@@ -209,7 +209,7 @@ def shade_node(
     source, reach = disc.source, disc.reach
     top = level[1] + node
     # What is known of the view samples of one leaf (see `area_pairs`).
-    known, place, scaled = np.empty(LANES, np.bool_), np.zeros((4, LANES)), np.empty((14, LANES), np.float32)
+    known, place, scaled = np.empty(LANES, np.bool_), np.zeros(4 * LANES), np.empty(14 * LANES, np.float32)
     lights, offsets = np.zeros((3 * LANES, MOST), np.float32), np.zeros((3 * LANES, MOST), np.float32)
     point, light = np.empty(3), np.empty(4)
     for number in range(node * LANES * LANES, min((node + 1) * LANES * LANES, len(slots))):
@@ -236,10 +236,9 @@ def shade_node(
     regions, planes = np.empty((BATCH, REGIONS), np.float32), np.empty((BATCH, EDGED_PLANES), np.float32)
     outer, bounded = np.empty((BATCH, 7), np.float32), np.empty(BATCH, np.int32)
     ready, number_of = np.empty(BATCH, np.bool_), np.empty(BATCH, np.int64)
-    whole, masks = np.arange(BATCH).astype(np.int32), np.empty(BATCH, np.int32)
-    upper_list, upper_mask = np.empty((LANES, BATCH), np.int32), np.empty((LANES, BATCH), np.int32)
-    lower_list, lower_mask = np.empty((LANES, BATCH), np.int32), np.empty((LANES, BATCH), np.int32)
-    upper_count, lower_count = np.empty(LANES, np.int64), np.empty(LANES, np.int64)
+    # Which of them meet each child of a group: of the one above the node, of the node, and of one of its children.
+    lists, masks = np.empty((3, LANES, BATCH), np.int32), np.empty((3, LANES, BATCH), np.int32)
+    counts, visited = np.empty((3, LANES), np.int64), np.empty(3, np.int32)
     # Depth first through the tree of clusters: what waits, and how high it stands.
     waiting, height = np.empty(_DEEPEST, np.int64), np.empty(_DEEPEST, np.int64)
     waiting[0], height[0] = 0, len(cluster_level) - 2
@@ -267,47 +266,55 @@ def shade_node(
                     continue
                 common_bounds(regions, entries, mask, outer, entries, 0, 1)
                 bounded[entries] = sure & ~equal(sides, child, 0, np.int8(STRADDLES))
-                ready[entries], number_of[entries], masks[entries] = False, child, mask
+                ready[entries], number_of[entries] = False, child
+                lists[0, 0, entries], masks[0, 0, entries] = entries, mask
                 entries += 1
-        visited = _hand_down(whole, masks, entries, outer, box, full, top, upper_list, upper_mask, upper_count)
-        while visited:
-            child = np.int64(lowest(visited))
-            visited &= visited - np.int32(1)
-            kept = _keep(
-                upper_list[child], upper_mask[child], upper_count[child], box, top, child, regions, planes, bounded,
-                ready, number_of, corners, sides, source, frame, stats,
-            )  # fmt: skip
-            group, before = level[0] + node * LANES + child, (node * LANES + child) * LANES
-            if kept < 0:
-                for number in range(before, min(before + LANES, len(slots))):
-                    _darken_leaf(leaf_ids, np.int64(slots[number]), bits)
-                full[top, child] = 1
-                continue
-            seen = _hand_down(
-                upper_list[child], upper_mask[child], kept, outer, box, full, group, lower_list, lower_mask, lower_count
-            )
-            while seen:
-                leaf = np.int64(lowest(seen))
-                seen &= seen - np.int32(1)
-                slot = np.int64(slots[before + leaf])
-                kept = _keep(
-                    lower_list[leaf], lower_mask[leaf], lower_count[leaf], box, group, leaf, regions, planes, bounded,
-                    ready, number_of, corners, sides, source, frame, stats,
+        level_of, group, child, kept = 1, top, 0, entries
+        visited[1] = visited[2] = 0
+        while level_of > 0:
+            if kept > 0:
+                # Into a child of the level above.
+                visited[level_of] = _hand_down(
+                    lists[level_of - 1, child], masks[level_of - 1, child], kept, outer, box, full, group,
+                    lists[level_of], masks[level_of], counts[level_of],
                 )  # fmt: skip
-                if kept < 0:
-                    _darken_leaf(leaf_ids, slot, bits)
-                elif kept > 0:
-                    _shade_leaf(
-                        lower_list[leaf], lower_mask[leaf], kept, slot, regions, planes, bounded, number_of,
-                        positions, triangles, order, sides, disc, barycentric, side, position, first, leaf_place,
-                        leaf_ids, leaf_box, bits, known, place, scaled, lights, offsets, point, light, stats,
-                    )  # fmt: skip
+                kept = 0
+            if visited[level_of] == 0:
+                level_of -= 1
+                if equal(full, group, 0, np.uint8(0)) == 0:
+                    if level_of == 0:
+                        return
+                    full[top, group - level[0] - node * LANES] = 1
+                group = top
+                continue
+            child = np.int64(lowest(visited[level_of]))
+            visited[level_of] &= visited[level_of] - np.int32(1)
+            kept = _keep(
+                lists[level_of, child], masks[level_of, child], counts[level_of, child], box, group, child, regions,
+                planes, bounded, ready, number_of, corners, sides, source, frame, stats,
+            )  # fmt: skip
+            if level_of == 1:
+                number, stop = (node * LANES + child) * LANES, min((node * LANES + child + 1) * LANES, len(slots))
+                if kept > 0:
+                    group, level_of = level[0] + node * LANES + child, 2
+                    continue
+            else:
+                number = (group - level[0]) * LANES + child
+                stop = number + 1
+            if kept < 0:
+                for leaf in range(number, stop):
+                    _darken_leaf(leaf_ids, np.int64(slots[leaf]), bits)
+                full[group, child] = 1
+            elif kept > 0:
+                slot = np.int64(slots[number])
+                _shade_leaf(
+                    lists[2, child], masks[2, child], kept, slot, regions, planes, bounded, number_of,
+                    positions, triangles, order, sides, disc, barycentric, side, position, first, leaf_place,
+                    leaf_ids, leaf_box, bits, known, place, scaled, lights, offsets, point, light, stats,
+                )  # fmt: skip
                 if equal(leaf_ids, slot, OWN, np.int32(DARK)) == ALL:
-                    full[group, leaf] = 1
-            if equal(full, group, 0, np.uint8(0)) == 0:
-                full[top, child] = 1
-        if equal(full, top, 0, np.uint8(0)) == 0:
-            return
+                    full[group, child] = 1
+            kept = 0
 
 
 @inline
@@ -370,3 +377,14 @@ def _shade_leaf(
                 )  # fmt: skip
         if equal(leaf_ids, slot, OWN, np.int32(DARK)) == ALL:
             return
+
+
+@kernel
+def write_shares(start, stop, bits, light_count, in_shadow, shares):
+    """What is visible of the light, for samples `start` to `stop`: shares `(n, 3)` of 1, the same for all colours."""
+    for index in range(start, stop):
+        dark = count(np.int32(bits[index] & 0xFFFFFFFF)) + count(np.int32(bits[index] >> 32))
+        lit = np.float32(MOST - dark)
+        in_shadow[index] = lit == 0.0
+        for channel in range(3):
+            shares[index, channel] = lit / np.float32(light_count)
