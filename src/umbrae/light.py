@@ -25,11 +25,19 @@ class Light:
     intensity
         Factor on the colour. A surface that faces the light at right angles receives `color * intensity`,
         at any distance.
+    radius
+        World units, for a point light: that of the sphere that shines. It is sampled as the disc of that radius around
+        `position` that faces the view sample (see `methods.area_samples`); inside the sphere as well.
+    angular_diameter
+        Degrees below 180, for a directional light: directions up to half of it away from `position` shine alike.
+        The sun's is 0.53.
     """
 
     position: NDArray[np.float32]
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     intensity: float = 1.0
+    radius: float = 0.0
+    angular_diameter: float = 0.0
 
     def __post_init__(self) -> None:
         given = array(self.position, "Light.position")
@@ -47,22 +55,41 @@ class Light:
             raise InputError(f"Light.color: wanted 3 numbers >= 0, got {shown(self.color)}")
         if number(self.intensity, "Light.intensity") < 0:
             raise InputError(f"Light.intensity: wanted a number >= 0, got {self.intensity}")
+        if not 0.0 <= number(self.radius, "Light.radius") <= 1e18:
+            raise InputError(f"Light.radius: wanted a number from 0 to 1e18, got {self.radius}")
+        if not 0.0 <= number(self.angular_diameter, "Light.angular_diameter") < 180.0:
+            raise InputError(
+                f"Light.angular_diameter: wanted at least 0 and less than 180, got {self.angular_diameter}"
+            )
+        if self.radius > 0.0 and position[3] == 0.0:
+            raise InputError("Light.radius: a directional light has none; its size is its angular_diameter")
+        if self.angular_diameter > 0.0 and position[3] == 1.0:
+            raise InputError("Light.angular_diameter: a point light has none; its size is its radius")
         position.flags.writeable = False
         object.__setattr__(self, "position", position)
 
     @classmethod
     def point(
-        cls, position: Vector, color: tuple[float, float, float] = (1.0, 1.0, 1.0), intensity: float = 1.0
+        cls,
+        position: Vector,
+        color: tuple[float, float, float] = (1.0, 1.0, 1.0),
+        intensity: float = 1.0,
+        radius: float = 0.0,
     ) -> "Light":
-        """A point light at `position`, three world coordinates."""
-        return cls(np.append(vector(position, "Light.position"), 1.0), color, intensity)
+        """A point light at `position`, three world coordinates; a sphere around it with a `radius`."""
+        return cls(np.append(vector(position, "Light.position"), 1.0), color, intensity, radius)
 
     @classmethod
     def directional(
-        cls, direction: Vector, color: tuple[float, float, float] = (1.0, 1.0, 1.0), intensity: float = 1.0
+        cls,
+        direction: Vector,
+        color: tuple[float, float, float] = (1.0, 1.0, 1.0),
+        intensity: float = 1.0,
+        angular_diameter: float = 0.0,
     ) -> "Light":
-        """Parallel light that travels along `direction` (any length but zero)."""
-        return cls(np.append(-vector(direction, "Light.direction"), 0.0), color, intensity)
+        """Parallel light that travels along `direction` (any length but zero), or a cone of such light around it."""
+        position = np.append(-vector(direction, "Light.direction"), 0.0)
+        return cls(position, color, intensity, angular_diameter=angular_diameter)
 
     @classmethod
     def sun(
@@ -73,6 +100,7 @@ class Light:
         north: Vector | None = None,
         color: tuple[float, float, float] = (1.0, 1.0, 1.0),
         intensity: float = 1.0,
+        angular_diameter: float = 0.0,
     ) -> "Light":
         """Parallel light from the sun's place in the sky.
 
@@ -86,6 +114,8 @@ class Light:
             World up; y by default.
         north
             World north; by default -z when up is y, +y when up is z. Needed for any other `up`.
+        angular_diameter
+            Degrees across; 0.53 for the soft edges of real sunlight.
         """
         if not -90.0 <= number(elevation, "Light.sun: elevation") <= 90.0:
             raise InputError(f"Light.sun: wanted an elevation of -90 to 90 degrees, got {elevation}")
@@ -94,12 +124,18 @@ class Light:
         to_north, to_east = _cos_sin(number(azimuth, "Light.sun: azimuth"))
         flat, high = _cos_sin(elevation)
         level = to_north * north_axis + to_east * east_axis
-        return cls(np.append(flat * level + high * up_axis, 0.0), color, intensity)
+        position = np.append(flat * level + high * up_axis, 0.0)
+        return cls(position, color, intensity, angular_diameter=angular_diameter)
 
     @property
     def is_directional(self) -> bool:
         """Whether the light's rays are parallel (w = 0)."""
         return bool(self.position[3] == 0.0)
+
+    @property
+    def is_area(self) -> bool:
+        """Whether the light has a size, so that its shadows have soft edges."""
+        return self.radius > 0.0 or self.angular_diameter > 0.0
 
 
 def horizon(up: Vector, north: Vector | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

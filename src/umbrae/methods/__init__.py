@@ -9,6 +9,7 @@ from umbrae.clock import Clock
 from umbrae.errors import OptionError
 from umbrae.light import Light
 from umbrae.mask import ShadowMask
+from umbrae.methods.area_average import cast_shadow
 from umbrae.methods.frustum_cpu import Frustum
 from umbrae.methods.frustum_gl.method import FrustumGl
 from umbrae.methods.method import Caster, Method
@@ -38,7 +39,7 @@ METHODS: dict[str, type[Method]] = {
     "triangle-ts-single": TriangleTsSingle,
 }
 
-__all__ = ["METHODS", "Caster", "Method", "make_method", "shadow"]
+__all__ = ["METHODS", "Caster", "Method", "cast_shadow", "make_method", "shadow"]
 
 
 def make_method(method: str | Method, **options: Any) -> Method:
@@ -91,7 +92,8 @@ def shadow(
     clock = clock or Clock()
     for value, kind, name in ((scene, Scene, "scene"), (light, Light, "light"), (samples, ViewSamples, "samples")):
         instance(value, kind, name)
+    algorithm = make_method(method)
     with clock.span("prepare"):
-        caster = make_method(method).prepare(scene, clock)
+        caster = algorithm.prepare(scene, clock)
     with clock.span("shadow"):
-        return caster.shadow(light, samples, clock)
+        return cast_shadow(algorithm, caster, light, samples, clock)

@@ -109,6 +109,16 @@ smallest, largest = _reduction("fmin"), _reduction("fmax")
 """The smallest and the largest of the lanes."""
 
 
+@intrinsic
+def lesser(typing_context, value, other):
+    """The smaller of two in each lane."""
+
+    def build(context, builder, signature, args):
+        return builder.select(builder.fcmp_ordered("<", *args), *args)
+
+    return _lanes(_lanes, _lanes), build
+
+
 def _define(symbol, result, emit):
     """Give an operator a meaning for lanes with lanes, and with one float32 for all."""
 

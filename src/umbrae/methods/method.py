@@ -2,7 +2,7 @@
 
 import dataclasses
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,9 +16,13 @@ from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 from umbrae.transmission import SOLID, transmission_of
 
+LIGHT_SAMPLES = 32
+
 
 class Caster(ABC):
     """A scene's geometry, prepared once by a method; asked once per light and set of samples."""
+
+    scene: Scene
 
     @abstractmethod
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
@@ -33,8 +37,12 @@ class Method(ABC):
     """A shadow algorithm. Its dataclass fields are its options, its docstring is its manual page.
 
     `engine` is what it runs on, "CPU" or "OpenGL". `accepts` are the kinds of samples that it takes: whole "pictures"
-    with the camera that sees them, "points" of any shape; and "transparency": scenes whose surfaces let light through.
+    with the camera that sees them, "points" of any shape; "transparency": scenes whose surfaces let light through; and
+    "area lights", if `Caster.shadow` takes lights with a size. For all others, `area_average.cast_shadow` makes the
+    mean over `light_samples` lights without one.
     """
+
+    light_samples: int = field(default=LIGHT_SAMPLES, kw_only=True)
 
     name: ClassVar[str]
     paper: ClassVar[str]

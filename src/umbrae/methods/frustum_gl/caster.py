@@ -12,7 +12,7 @@ from umbrae.errors import InputError
 from umbrae.geometry.solids import Solids, find_solids
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.gl.context import Session, session
-from umbrae.gl.timers import stage
+from umbrae.gl.queries import stage
 from umbrae.light import Light
 from umbrae.mask import ShadowMask
 from umbrae.methods.frustum_gl.exact import decide_pairs
@@ -131,9 +131,7 @@ class FrustumGlCaster(Caster):
             sides[unsure] = facing_of_all(self.scene.positions, self.scene.triangles[unsure], light.position)
             self.passes.set_sides(sides)
 
-    def _cast(
-        self, light: Light, camera: Camera, band: Band, stats: dict[str, int], clock: Clock
-    ) -> NDArray[np.int32]:
+    def _cast(self, light: Light, camera: Camera, band: Band, stats: dict[str, int], clock: Clock) -> NDArray[np.int32]:
         """Send all frusta down the tree; returns the pairs `(p, 2)` of sample and triangle that float64 leaves open."""
         uniforms = {**self._view(camera), **band.tiles.uniforms, "light": _source(light), "reach": self._reach}
         start, count = 0, len(self.scene.triangles)
