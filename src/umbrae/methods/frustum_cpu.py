@@ -12,6 +12,7 @@ from umbrae.errors import OptionError
 from umbrae.geometry.solids import Solids, find_solids
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
+from umbrae.methods.area_average import average_over_light
 from umbrae.methods.area_frustum import check_light_samples, shadow_of_area
 from umbrae.methods.frustum_leaves import COUNTERS, Receivers
 from umbrae.methods.frustum_transmission import Dimming, cover_queued
@@ -86,7 +87,8 @@ class Frustum(Method):
     light_samples
         How many points of a light with a size each view sample looks at, 1 to 64: its shadow is a multiple of one over
         this number, exact for these points. They differ from sample to sample (see `area_samples`), and all are tested
-        in one traversal with triangles' whole regions of influence (section 5; see `area_traversal`).
+        in one traversal with triangles' whole regions of influence (section 5; see `area_traversal`). Where triangles
+        let light through, these points are the same for all samples, tested one after the other.
     """
 
     front_face_culling: bool = False
