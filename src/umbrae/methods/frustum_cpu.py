@@ -156,9 +156,10 @@ class FrustumCaster(Caster):
         samples.check(self.scene)
         clock = clock or Clock()
         if light.is_area:
-            return shadow_of_area(
-                self.scene, self.clusters, self.solids, light, samples, self.method.light_samples, clock
-            )
+            count = self.method.light_samples
+            if self.sheer is not None:
+                return average_over_light(self, light, samples, count, clock)
+            return shadow_of_area(self.scene, self.clusters, self.solids, light, samples, count, clock)
         in_shadow = np.zeros(samples.size, bool)
         partial = None if self.sheer is None else np.ones((samples.size, 3), np.float32)
         stats = np.zeros(len(COUNTERS), np.int64)
