@@ -13,7 +13,9 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SAYS = {
     "hello_shadow": r"pavilion\.png: \d+% of what is seen lies in shadow, guarantee: exact\n",
     "sensors": r"(#{8}\n){4}(\.{8}\n){8}on the wall: 33% in shadow\nin front of it: 17% in shadow\n",
+    "stained_glass": r"(layer \d: +\d+\.\d\d% of the picture\n){5,8}",
     "sun_hours": r"(2026-\d\d-2\d: +\d+\.\d h of day, north \d\.\d h, south \d\.\d h\n){3}",
+    "tree_shadows": r"([a-z ]{10}( \d\d\.\d%){3} of red, green, blue reaches the floor\n){5}",
     "two_lights": r"no sun:  +\d+\.\d%\nno lamp: +\d+\.\d%\nneither: +\d+\.\d%\n",
 }
 
