@@ -1,5 +1,6 @@
 """Per-triangle shadow frusta, rasterized hierarchically over the view samples, on all CPU cores."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -21,7 +22,7 @@ from umbrae.methods.lanes import LANES
 from umbrae.methods.light_frame import POSITION_ERROR, LightFrame, light_frames, surface_error
 from umbrae.methods.method import Caster, Method
 from umbrae.methods.sample_tree import SampleTree, build
-from umbrae.methods.transmission_buffer import Dice, leave_out, merge_sums, reserve, terms, write_shares
+from umbrae.methods.transmission_buffer import Dice, leave_out, light_or_dark, merge_sums, reserve, terms, write_shares
 from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles, light_sides
 from umbrae.parallel import run, thread_count
 from umbrae.samples import ViewSamples
@@ -80,7 +81,7 @@ class Frustum(Method):
         unless the same geometry is asked many times.
     transparency
         `exact` finds what share of light arrives; `stochastic` (section 3.2) one bit for each sample and channel, with
-        the right probability: a fifth of the memory, noise that the samples of a pixel average out, and no guarantee.
+        the right probability: a ninth of the buffer, noise that the samples of a pixel average out, and no guarantee.
         Samples of a pixel are stratified after Enderton et al. 2010, which the paper proposes.
     seed
         Of `stochastic`: a whole number from 0.
@@ -161,7 +162,7 @@ class FrustumCaster(Caster):
                 return average_over_light(self, light, samples, count, clock)
             return shadow_of_area(self.scene, self.clusters, self.solids, light, samples, count, clock)
         in_shadow = np.zeros(samples.size, bool)
-        partial = None if self.sheer is None else np.ones((samples.size, 3), np.float32)
+        partial = None if self.sheer is None else np.empty((samples.size, 3), np.float32)
         stats = np.zeros(len(COUNTERS), np.int64)
         if len(self.scene.triangles) and samples.size:
             source = light.position.astype(np.float64)
@@ -218,8 +219,6 @@ class FrustumCaster(Caster):
             if self.sheer is not None:
                 covered = self._not_behind_own(self.sheer.table, samples, sides.own, in_shadow, clock)
             leaves, trees = build(samples, covered, shading, source, frames, limits, in_shadow, clock)
-            if partial is not None:
-                partial[in_shadow] = 0.0
         raw = samples.barycentric.reshape(-1, 2), samples.side.reshape(-1), samples.position.reshape(-1, 3)
         receivers = Receivers(self.scene.positions, self.scene.triangles, source, *leaves[:3], *raw)
         active = [(frame, tree) for frame, tree in zip(frames, trees, strict=True) if tree is not None]
@@ -229,20 +228,37 @@ class FrustumCaster(Caster):
             for _, tree in active:
                 merge(tree.level, tree.full)
                 if partial is None:
-                    _write_out(tree, leaves.ids, in_shadow, clock)
-        if self.sheer is not None and partial is not None and active:
-            with clock.span("transmission"):
-                table, even, clusters = self.sheer
-                whole, buffers = reserve([tree for _, tree in active], dice)
-                dimming = [Dimming(table, even, buffer, dice, *_queue(0)) for buffer in buffers]
-                stats += _traverse(clusters, sides.sheer, active, receivers, dimming, clock)
-            with clock.span("merge"):
-                for (_, tree), buffer in zip(active, buffers, strict=True):
-                    if dice.strata == 0:
-                        merge_sums(tree.level, buffer)
-                    _write_shares(tree, clock, receivers, sides.own, table, buffer, dice, in_shadow, partial)
-            whole.release()
+                    verdicts = tree.slot, tree.full, leaves.ids, in_shadow
+                    _in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_out, *verdicts)
+        if self.sheer is not None and partial is not None:
+            stats += self._dim(self.sheer, sides, dice, active, receivers, in_shadow, partial, clock)
         leaves.release(sum(len(tree.slot) for _, tree in active))
+        return stats
+
+    def _dim(
+        self,
+        sheer: _Sheer,
+        sides: _Sides,
+        dice: Dice,
+        active: list[tuple[LightFrame, SampleTree]],
+        receivers: Receivers,
+        in_shadow: NDArray[np.bool_],
+        partial: NDArray[np.float32],
+        clock: Clock,
+    ) -> NDArray[np.int64]:
+        """Let the other triangles dim what the solid ones have left lit, and write what arrives into `partial`."""
+        with clock.span("transmission"):
+            _in_parts(len(partial), _SAMPLES_PER_TASK, clock, light_or_dark, in_shadow, partial)
+            whole, buffers = reserve([tree for _, tree in active], dice)
+            dimming = [Dimming(sheer.table, sheer.even, buffer, dice, *_queue(0)) for buffer in buffers]
+            stats = _traverse(sheer.clusters, sides.sheer, active, receivers, dimming, clock)
+        with clock.span("merge"):
+            for (_, tree), buffer in zip(active, buffers, strict=True):
+                if dice.strata == 0:
+                    merge_sums(tree.level, buffer)
+                what = tree, receivers, sides.own, sheer.table, buffer, dice, in_shadow, partial
+                _in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_shares, *what)
+        whole.release()
         return stats
 
     def _not_behind_own(
@@ -256,12 +272,8 @@ class FrustumCaster(Caster):
         """`covered (n,)` without samples whose own triangle is turned away and opaque there; sets those `in_shadow`."""
         covered = samples.covered.reshape(-1).copy()
         raw = samples.triangle.reshape(-1), samples.barycentric.reshape(-1, 2), samples.side.reshape(-1)
-
-        def task(number: int) -> None:
-            start, stop = number * _SAMPLES_PER_TASK, min((number + 1) * _SAMPLES_PER_TASK, samples.size)
-            leave_out(start, stop, self.scene.triangles, *raw, facing, table, covered, in_shadow)
-
-        run(task, -(-samples.size // _SAMPLES_PER_TASK), clock)
+        what = self.scene.triangles, *raw, facing, table, covered, in_shadow
+        _in_parts(samples.size, _SAMPLES_PER_TASK, clock, leave_out, *what)
         return covered
 
     def _cull(self, solids: Solids, source: NDArray[np.float64], clustered: NDArray[np.int8]) -> None:
@@ -335,26 +347,9 @@ def _cover_queued(
     return total
 
 
-def _write_out(tree: SampleTree, ids: NDArray[np.int32], in_shadow: NDArray[np.bool_], clock: Clock) -> None:
-    """Write the verdicts of all leaves."""
-    count = len(tree.slot)
-
-    def task(number: int) -> None:
-        start, stop = number * _LEAVES_PER_TASK, min((number + 1) * _LEAVES_PER_TASK, count)
-        write_out(start, stop, tree.slot, tree.full, ids, in_shadow)
-
-    run(task, -(-count // _LEAVES_PER_TASK), clock)
-
-
-def _write_shares(tree: SampleTree, clock: Clock, *what: Any) -> None:
-    """Write what arrives at the samples of all leaves."""
-    count = len(tree.slot)
-
-    def task(number: int) -> None:
-        start, stop = number * _LEAVES_PER_TASK, min((number + 1) * _LEAVES_PER_TASK, count)
-        write_shares(start, stop, tree, *what)
-
-    run(task, -(-count // _LEAVES_PER_TASK), clock)
+def _in_parts(count: int, size: int, clock: Clock, kernel: Callable[..., None], *what: Any) -> None:
+    """Call `kernel(start, stop, *what)` for `count` things, `size` at a time, from all threads."""
+    run(lambda part: kernel(part * size, min((part + 1) * size, count), *what), -(-count // size), clock)
 
 
 def _including(bounds: NDArray[np.float64], samples: ViewSamples) -> NDArray[np.float64]:

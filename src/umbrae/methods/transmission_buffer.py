@@ -75,7 +75,8 @@ class TransmissionBuffer(NamedTuple):
 def reserve(trees: list[SampleTree], dice: Dice) -> tuple[TransmissionBuffer, list[TransmissionBuffer]]:
     """A buffer full of light for each tree; and one that holds them all, to be released in the end."""
     ends = np.cumsum([len(tree.full) + len(tree.slot) for tree in trees]).tolist()
-    rows, summed = ends[-1], 0 if dice.strata else ends[-1]
+    rows = ends[-1] if ends else 0
+    summed = 0 if dice.strata else rows
     whole: TransmissionBuffer | None = take_spare("transmission")
     if whole is None or len(whole.blocked) < rows or len(whole.sums) < summed:
         width = CHANNELS * LANES
@@ -85,7 +86,7 @@ def reserve(trees: list[SampleTree], dice: Dice) -> tuple[TransmissionBuffer, li
         whole.blocked[:rows] = 0
     parts = [
         TransmissionBuffer(whole.sums[start:end], whole.blocked[start:end], len(tree.full))
-        for tree, start, end in zip(trees, [0, *ends[:-1]], ends, strict=True)
+        for tree, start, end in zip(trees, [0, *ends], ends, strict=False)
     ]
     return whole, parts
 
@@ -184,6 +185,14 @@ def roll(buffer, dice, row, lane, index, t, red, green, blue):
         if chance < 1.0 - share:
             blocked[row, channel * LANES + lane] = 1
     return bool(blocked[row, lane] & blocked[row, lane + LANES] & blocked[row, lane + 2 * LANES])
+
+
+@kernel
+def light_or_dark(start, stop, in_shadow, partial):
+    """Let all light arrive at samples `start` to `stop`, or none where they are already in shadow."""
+    for index in range(start, stop):
+        for channel in range(CHANNELS):
+            partial[index, channel] = 0.0 if in_shadow[index] else 1.0
 
 
 @kernel
