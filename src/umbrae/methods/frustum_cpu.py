@@ -14,7 +14,7 @@ from umbrae.methods.area_frustum import check_light_samples, shadow_of_area
 from umbrae.methods.frustum_traversal import CLUSTERS, COUNTERS, merge, traverse_batch, write_out
 from umbrae.methods.light_frame import POSITION_ERROR, LightFrame, light_frames, surface_error
 from umbrae.methods.method import Caster, Method
-from umbrae.methods.sample_tree import Leaves, SampleTree, build
+from umbrae.methods.sample_tree import Leaves, SampleTree, bounds_with, build
 from umbrae.methods.triangle_clusters import cluster_triangles, light_sides
 from umbrae.parallel import run, thread_count
 from umbrae.samples import ViewSamples
@@ -114,7 +114,7 @@ class FrustumCaster(Caster):
         clock: Clock,
     ) -> NDArray[np.int64]:
         with clock.span("hierarchy"):
-            bounds = _including(self.clusters.bounds, samples)
+            bounds = bounds_with(self.clusters.bounds, samples)
             largest = float(np.abs(bounds).max())
             on_surface = samples.camera is not None or bool((samples.triangle >= 0).any())
             error = POSITION_ERROR * largest + surface_error(bounds) if on_surface else 0.0
@@ -185,11 +185,3 @@ def _write_out(tree: SampleTree, ids: NDArray[np.int32], in_shadow: NDArray[np.b
         write_out(start, stop, tree.slot, tree.full, ids, in_shadow)
 
     run(task, -(-count // _LEAVES_PER_TASK), clock)
-
-
-def _including(bounds: NDArray[np.float64], samples: ViewSamples) -> NDArray[np.float64]:
-    """The scene's bounds `(2, 3)`, widened to the samples where some are free points."""
-    if samples.camera is not None or (samples.triangle >= 0).all():
-        return bounds
-    points = samples.position.reshape(-1, 3)
-    return np.stack([np.minimum(bounds[0], points.min(axis=0)), np.maximum(bounds[1], points.max(axis=0))])
