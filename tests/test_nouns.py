@@ -97,6 +97,16 @@ def test_sun_at_quarter_turns_is_exact():
         assert um.Light.sun(azimuth, 0).position.tolist() == [level[0], 0, level[1], 0]
 
 
+def test_lights_with_a_size():
+    sphere, sun = um.Light.point((0, 1, 0), radius=0.5), um.Light.sun(120, 40, angular_diameter=0.53)
+    assert (sphere.radius, sphere.angular_diameter, sphere.is_area) == (0.5, 0.0, True)
+    assert (sun.radius, sun.angular_diameter, sun.is_area) == (0.0, 0.53, True)
+    assert um.Light.directional((0, -1, 0), angular_diameter=10).is_area
+    for hard in (um.Light.point((0, 1, 0)), um.Light.sun(120, 40), um.Light.directional((0, -1, 0))):
+        assert not hard.is_area
+    np.testing.assert_array_equal(sun.position, um.Light.sun(120, 40).position)
+
+
 def test_camera_takes_numpy_numbers():
     camera = um.Camera.look_at((0, 0, 5), (0, 0, 0), fov_y=np.float32(50), width=np.int64(20), up=(0, 1e-200, 0))
     assert (camera.fov_y, camera.width, camera.axes[1].tolist()) == (50.0, 20, [0, 1, 0])
@@ -126,6 +136,14 @@ def test_sun_with_its_own_north():
         (lambda: um.Light.sun(0, 10, up=(1, 0, 0)), "north is needed"),
         (lambda: um.Light.sun(0, 10, north=(0, 3, 0)), "parallel"),
         (lambda: um.Light.point((0, 0, 0), intensity=-1), "intensity"),
+        (lambda: um.Light.point((0, 0, 0), radius=-1), "radius: wanted a number from 0 to 1e18, got -1"),
+        (lambda: um.Light.point((0, 0, 0), radius=np.inf), "radius: wanted a finite number"),
+        (lambda: um.Light.point((0, 0, 0), radius=2e18), "radius: wanted a number from 0 to 1e18"),
+        (lambda: um.Light.sun(0, 10, angular_diameter=180), "angular_diameter: wanted at least 0 and less than 180"),
+        (lambda: um.Light.sun(0, 10, angular_diameter=-0.1), "angular_diameter: wanted at least 0"),
+        (lambda: um.Light.directional((0, -1, 0), angular_diameter="wide"), "angular_diameter: wanted a finite"),
+        (lambda: um.Light(np.array([0, 0, 1, 0]), radius=1), "a directional light has none; its size is its angular"),
+        (lambda: um.Light(np.array([0, 0, 1, 1]), angular_diameter=1), "a point light has none; its size is its radi"),
     ],
 )
 def test_light_refuses(make, message):

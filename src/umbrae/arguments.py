@@ -5,12 +5,14 @@ import enum
 import math
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 import typer
 
 from umbrae.camera import Camera
+from umbrae.errors import OptionError
 from umbrae.light import Light
 from umbrae.render import default_sun
 from umbrae.scene import Scene
@@ -102,11 +104,31 @@ def camera(scene: Scene, size: Size, eye: Vector | None, target: Vector | None, 
     return Camera.look_at(stand, look_at, up, fov, *size)
 
 
-def lights(scene: Scene, view: Camera, points: Sequence[Vector], suns: Sequence[Sun], up: Vector) -> list[Light]:
-    """Point lights in the file's own coordinates, then suns; without any, the default sun."""
-    made = [Light.point(scene.local(point)) for point in points]
-    made += [Light.sun(azimuth, elevation, up) for azimuth, elevation in suns]
-    return made or [default_sun(view, up)]
+def lights(
+    scene: Scene,
+    view: Camera,
+    points: Sequence[Vector],
+    suns: Sequence[Sun],
+    up: Vector,
+    radius: float = 0.0,
+    diameter: float = 0.0,
+) -> list[Light]:
+    """Point lights in the file's own coordinates, then suns; without any, the default sun.
+
+    `radius` is that of all point lights, `diameter` that of all suns in degrees.
+
+    Raises
+    ------
+    OptionError
+        For a radius without a point light, or a diameter without a sun.
+    """
+    if radius and not points:
+        raise OptionError("--light-radius: wanted a point light (--light); a sun has a --sun-diameter")
+    if diameter and points and not suns:
+        raise OptionError("--sun-diameter: wanted a sun (--sun); a point light has a --light-radius")
+    made = [Light.point(scene.local(point), radius=radius) for point in points]
+    made += [Light.sun(azimuth, elevation, up, angular_diameter=diameter) for azimuth, elevation in suns]
+    return made or [replace(default_sun(view, up), angular_diameter=diameter)]
 
 
 def _numbers(text: str, separator: str, wanted: str, count: int, number: Callable[[str], Number]) -> list[Number]:

@@ -34,6 +34,22 @@ Suns = Annotated[
         help="Sun in degrees: clockwise from north (-z, or +y when z is up), above the horizon; repeatable.",
     ),
 ]
+LightRadius = Annotated[
+    float,
+    typer.Option("--light-radius", min=0.0, metavar="UNITS", help="Of the point lights: spheres with soft shadows."),
+]
+SunDiameter = Annotated[
+    float,
+    typer.Option(
+        "--sun-diameter", min=0.0, metavar="DEGREES", help="Across, for soft shadows; 0.53 is that of the real sun."
+    ),
+]
+LightSamples = Annotated[
+    int | None,
+    typer.Option(
+        "--light-samples", min=1, metavar="N", help="How many points of a light with a size each sample looks at; 32."
+    ),
+]
 MethodName = Annotated[str, typer.Option("--method", metavar="NAME", help="See `umbrae methods`.")]
 Counting = Annotated[
     str | None,
@@ -63,6 +79,6 @@ DEFAULT_GRID: Any = "10x10"
 DEFAULT_STEP: Any = "10min"
 
 
-def given(**options: str | None) -> dict[str, str]:
+def given(**options: str | int | None) -> dict[str, Any]:
     """The options of a method that the command line names."""
     return {name: value for name, value in options.items() if value is not None}

@@ -29,15 +29,16 @@ def cast_shadow(
 def average_over_light(
     caster: Caster, light: Light, samples: ViewSamples, count: int, clock: Clock | None = None
 ) -> ShadowMask:
-    """The mean of the masks of `count` lights without a size, on the disc that faces the middle of the scene's bounds.
+    """The mean of the masks of `count` lights without a size, on the disc that faces the middle of the view samples.
 
     All view samples see the same light samples, so that a soft edge consists of `count` hard ones. Nothing is promised
     of the mask as a whole, whatever the method promises of each of its parts.
     """
-    low, high = caster.scene.bounds.astype(np.float64)
+    seen = samples.position[samples.covered]
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2 if len(seen) else np.zeros(3, np.float32)
     total, stats = np.zeros((*samples.shape, 3)), dict[str, int]()
     tolerance = 0.0
-    for position in fixed_samples(light, (low + high) / 2, count):
+    for position in fixed_samples(light, middle, count):
         mask = caster.shadow(Light(position, light.color, light.intensity), samples, clock)
         total += mask.transmittance
         tolerance += mask.tolerance

@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from umbrae.checks import whole
 from umbrae.clock import Clock
-from umbrae.errors import OptionError
+from umbrae.errors import InputError, OptionError
 from umbrae.geometry.solids import Solids
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
@@ -13,11 +14,12 @@ from umbrae.methods.area_samples import LightDisc, light_disc
 from umbrae.methods.area_setup import cluster_tree, disc_sides
 from umbrae.methods.area_traversal import COUNTERS, shade_node, write_shares
 from umbrae.methods.light_frame import POSITION_ERROR, light_frames, surface_error
-from umbrae.methods.sample_tree import build
+from umbrae.methods.sample_tree import bounds_with, build
 from umbrae.methods.triangle_clusters import TriangleClusters
 from umbrae.parallel import run
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
+from umbrae.transmission import transmission_of
 
 BLOCK = 1 << 23
 """Samples per hierarchy, to bound the memory."""
@@ -27,7 +29,7 @@ _SAMPLES_PER_TASK = 1 << 16
 
 def check_light_samples(count: int) -> None:
     """Refuse more light samples than a view sample has bits for."""
-    if not 1 <= count <= MOST:
+    if not 1 <= whole(count, "frustum: light_samples") <= MOST:
         raise OptionError(f"frustum: wanted 1 to {MOST} light samples, got {count}")
 
 
@@ -40,23 +42,19 @@ def shadow_of_area(
     count: int,
     clock: Clock,
 ) -> ShadowMask:
-    """The visible share of a light with a size: `count` light samples for each view sample, each decided exactly."""
-    # Bits beyond the last light sample are set from the start: a view sample is dark where all 64 are.
-    unused = -1 << count if count < MOST else 0
-    bits = np.full(samples.size, unused, np.int64)
-    stats = np.zeros(len(COUNTERS), np.int64)
-    if len(scene.triangles) and samples.size:
-        disc = light_disc(light, count, samples.shape)
-        with clock.span("facing"):
-            own_side, sides = disc_sides(scene, clusters, disc, clock)
-            if solids is not None:
-                _cull(solids, disc, clusters.order, sides)
-        width = samples.size // samples.shape[0]
-        step = max(4, BLOCK // width // 4 * 4)
-        for start in range(0, samples.shape[0], step):
-            block = samples if step >= samples.shape[0] else samples.rows(start, start + step)
-            part = bits[start * width : (start + step) * width]
-            _shadow_block(scene, clusters, disc, block, start * width, own_side, sides, part, stats, clock)
+    """The visible share of a light with a size: `count` light samples for each view sample, each decided exactly.
+
+    Raises
+    ------
+    InputError
+        When the scene lets light through anywhere.
+    """
+    if transmission_of(scene) is not None:
+        raise InputError(
+            "frustum: a light with a size in a scene that lets light through; wanted solid materials (alpha_mode "
+            '"OPAQUE", no transmission), or a light without a radius or angular_diameter'
+        )
+    bits, stats = light_bits(scene, clusters, solids, light, samples, count, clock)
     in_shadow, shares = np.empty(samples.size, bool), np.empty((samples.size, 3), np.float32)
 
     def write(number: int) -> None:
@@ -73,6 +71,37 @@ def shadow_of_area(
     )
 
 
+def light_bits(
+    scene: Scene,
+    clusters: TriangleClusters,
+    solids: Solids | None,
+    light: Light,
+    samples: ViewSamples,
+    count: int,
+    clock: Clock,
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """`(n,)` bits of all samples: bit i is set where light sample i is hidden; and the counters.
+
+    Those beyond the last light sample are set as well: a view sample is dark where all 64 are.
+    """
+    bits = np.full(samples.size, -1 << count if count < MOST else 0, np.int64)
+    stats = np.zeros(len(COUNTERS), np.int64)
+    if not len(scene.triangles) or not samples.size:
+        return bits, stats
+    disc = light_disc(light, count, samples.shape)
+    with clock.span("facing"):
+        own_side, sides = disc_sides(scene, clusters, disc, clock)
+        if solids is not None:
+            _cull(solids, disc, clusters.order, sides)
+    width = samples.size // samples.shape[0]
+    step = max(4, BLOCK // width // 4 * 4)
+    for start in range(0, samples.shape[0], step):
+        block = samples if step >= samples.shape[0] else samples.rows(start, start + step)
+        part = bits[start * width : (start + step) * width]
+        _shadow_block(scene, clusters, disc, block, start * width, own_side, sides, part, stats, clock)
+    return bits, stats
+
+
 def _shadow_block(
     scene: Scene,
     clusters: TriangleClusters,
@@ -87,7 +116,7 @@ def _shadow_block(
 ) -> None:
     source = disc.source
     with clock.span("hierarchy"):
-        bounds = _including(clusters.bounds, samples)
+        bounds = bounds_with(clusters.bounds, samples)
         largest = float(np.abs(bounds).max())
         on_surface = samples.camera is not None or bool((samples.triangle >= 0).any())
         error = POSITION_ERROR * largest + surface_error(bounds) if on_surface else 0.0
@@ -129,11 +158,3 @@ def _cull(solids: Solids, disc: LightDisc, order: NDArray[np.int32], sides: NDAr
     culled = np.append(~near | (disc.source[3] == 0.0), False)[solids.of][order]
     flat = sides.reshape(-1)[: len(culled)]
     flat[culled & (flat == -1)] = 0
-
-
-def _including(bounds: NDArray[np.float64], samples: ViewSamples) -> NDArray[np.float64]:
-    """The scene's bounds `(2, 3)`, widened to the samples where some are free points."""
-    if samples.camera is not None or (samples.triangle >= 0).all():
-        return bounds
-    points = samples.position.reshape(-1, 3)
-    return np.stack([np.minimum(bounds[0], points.min(axis=0)), np.maximum(bounds[1], points.max(axis=0))])

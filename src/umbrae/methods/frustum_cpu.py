@@ -21,7 +21,7 @@ from umbrae.methods.frustum_traversal import CLUSTERS, merge, traverse_batch, wr
 from umbrae.methods.lanes import LANES
 from umbrae.methods.light_frame import POSITION_ERROR, LightFrame, light_frames, surface_error
 from umbrae.methods.method import Caster, Method
-from umbrae.methods.sample_tree import SampleTree, build
+from umbrae.methods.sample_tree import SampleTree, bounds_with, build
 from umbrae.methods.transmission_buffer import Dice, leave_out, light_or_dark, merge_sums, reserve, terms, write_shares
 from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles, light_sides
 from umbrae.parallel import run, thread_count
@@ -208,7 +208,7 @@ class FrustumCaster(Caster):
         clock: Clock,
     ) -> NDArray[np.int64]:
         with clock.span("hierarchy"):
-            bounds = _including(self.bounds, samples)
+            bounds = bounds_with(self.bounds, samples)
             largest = float(np.abs(bounds).max())
             on_surface = samples.camera is not None or bool((samples.triangle >= 0).any())
             error = POSITION_ERROR * largest + surface_error(bounds) if on_surface else 0.0
@@ -350,13 +350,3 @@ def _cover_queued(
 def _in_parts(count: int, size: int, clock: Clock, kernel: Callable[..., None], *what: Any) -> None:
     """Call `kernel(start, stop, *what)` for `count` things, `size` at a time, from all threads."""
     run(lambda part: kernel(part * size, min((part + 1) * size, count), *what), -(-count // size), clock)
-
-
-def _including(bounds: NDArray[np.float64], samples: ViewSamples) -> NDArray[np.float64]:
-    """The scene's bounds `(2, 3)`, widened to the samples where some are free points."""
-    if samples.depth is not None or (samples.triangle >= 0).all():
-        return bounds
-    points = samples.position[samples.covered]
-    if len(points) == 0:
-        return bounds
-    return np.stack([np.minimum(bounds[0], points.min(axis=0)), np.maximum(bounds[1], points.max(axis=0))])

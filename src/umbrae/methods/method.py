@@ -22,8 +22,6 @@ LIGHT_SAMPLES = 32
 class Caster(ABC):
     """A scene's geometry, prepared once by a method; asked once per light and set of samples."""
 
-    scene: Scene
-
     @abstractmethod
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         """Decide every sample; marks its stages as spans on `clock`.

@@ -126,6 +126,16 @@ def build(
     return leaves, [_tree(leaves.box, slots) if len(slots) else None for slots in of_frames]
 
 
+def bounds_with(bounds: NDArray[np.float64], samples: ViewSamples) -> NDArray[np.float64]:
+    """The scene's bounds `(2, 3)`, widened to the samples where some are free points."""
+    if samples.depth is not None or (samples.triangle >= 0).all():
+        return bounds
+    points = samples.position[samples.covered]
+    if len(points) == 0:
+        return bounds
+    return np.stack([np.minimum(bounds[0], points.min(axis=0)), np.maximum(bounds[1], points.max(axis=0))])
+
+
 def _reserve(slots: int) -> Leaves:
     """Address space for the worst case: slots are handed out from the front, so only what is used takes memory."""
     leaves: Leaves | None = take_spare("leaves")
