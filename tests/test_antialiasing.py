@@ -39,8 +39,9 @@ def test_a_straight_edge_covers_its_share_of_each_pixel(width):
     scene = floor_and_blocker(float(edge))
     samples = um.sample(scene, from_above())
     assert (samples.triangle < 2).all()
-    caster = make_method("frustum").prepare(scene)
-    mask = filtered_shadow(scene, caster, DOWN, samples, 64, width)
+    method = make_method("frustum")
+    caster = method.prepare(scene)
+    mask = filtered_shadow(method, caster, DOWN, samples, 64, width)
     middle = (np.arange(SIZE) - 15.5) / 8
     dark = np.clip((float(edge) - middle) / (width / 8) + 0.5, 0, 1)
     # 64 points of an R2 sequence: the share on one side of a line is off by a few points.
@@ -80,11 +81,12 @@ def test_it_comes_nearer_to_256_samples_per_pixel_than_one_does_and_every_verdic
     scene, light = models.pavilion().opaque(), models.pavilion_light()
     camera = models.pavilion_camera(160, 90)
     samples = um.sample(scene, camera)
-    caster = make_method("frustum").prepare(scene)
+    method = make_method("frustum")
+    caster = method.prepare(scene)
     many = um.sample(scene, camera, 256)
     truth = 1 - caster.shadow(light, many).in_shadow.mean(axis=-1)
     hard = 1.0 - caster.shadow(light, samples).in_shadow
-    smooth = filtered_shadow(scene, caster, light, samples).partial[..., 0]
+    smooth = filtered_shadow(method, caster, light, samples).partial[..., 0]
     floor = (many.covered & (many.position[..., 1] == 0)).all(axis=-1)  # no outline within the pixel
     assert floor.sum() > 500
     error = {"hard": np.abs(hard - truth)[floor].mean(), "smooth": np.abs(smooth - truth)[floor].mean()}
@@ -97,16 +99,18 @@ def test_a_lit_ball_has_no_shadow_on_its_lit_side_and_none_is_lit_on_its_dark_si
     scene = models.sphere(12, 24)
     samples = um.sample(scene, um.Camera.look_at((0, 1, 5), (0, 0, 0), fov_y=30, width=48, height=48))
     light = um.Light.point((3, 6, 4))
-    caster = make_method("frustum").prepare(scene)
+    method = make_method("frustum")
+    caster = method.prepare(scene)
     hard = caster.shadow(light, samples)
-    mask = filtered_shadow(scene, caster, light, samples)
+    mask = filtered_shadow(method, caster, light, samples)
     np.testing.assert_array_equal(mask.transmittance[..., 0], 1.0 - hard.in_shadow)
 
 
 def test_what_cannot_be_spread_is_refused():
     scene = floor_and_blocker(0.0)
     samples = um.sample(scene, from_above(8))
-    caster = make_method("frustum").prepare(scene)
+    method = make_method("frustum")
+    caster = method.prepare(scene)
     for other in (
         um.ViewSamples.points([(0, 1, 0)]),
         um.sample(scene, from_above(8), 2),
@@ -117,7 +121,7 @@ def test_what_cannot_be_spread_is_refused():
             footprint(scene, other)
     for options, message in (((0, 1.0), "a count of at least 1, got 0"), ((4, 0.0), "a width > 0 in pixels, got 0.0")):
         with pytest.raises(um.OptionError, match=message):
-            filtered_shadow(scene, caster, DOWN, samples, *options)
+            filtered_shadow(method, caster, DOWN, samples, *options)
 
 
 def test_render_filters_or_says_why_not():

@@ -10,17 +10,16 @@ from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.memory import require
-from umbrae.methods import Caster
+from umbrae.methods import Caster, Method, cast_shadow
 from umbrae.samples import ViewSamples
 from umbrae.sampling.footprint import footprint
-from umbrae.scene import Scene
 
 _SAMPLES_AT_ONCE = 1 << 22
 _BYTES_PER_SAMPLE = 140
 
 
 def filtered_shadow(
-    scene: Scene,
+    method: Method,
     caster: Caster,
     light: Light,
     samples: ViewSamples,
@@ -39,8 +38,8 @@ def filtered_shadow(
 
     Parameters
     ----------
-    caster
-        Of a method that takes points.
+    method, caster
+        A method that takes points, and what it prepared.
     samples, count, width
         As for `footprint`.
 
@@ -49,7 +48,7 @@ def filtered_shadow(
     ShadowMask
         `partial` is the mean, and nothing is guaranteed about it.
     """
-    clock = clock or Clock()
+    clock, scene = clock or Clock(), caster.scene
     height, across = samples.shape[0], samples.size // max(1, samples.shape[0])
     if whole(count, "footprint: count") < 1:
         raise OptionError(f"footprint: wanted a count of at least 1, got {count}")
@@ -67,11 +66,12 @@ def filtered_shadow(
         for start in range(0, height, step):
             stop = min(start + step, height)
             spread = footprint(scene, samples, count, width, (start, stop))
-            mask = caster.shadow(light, spread)
+            mask = cast_shadow(method, caster, light, spread)
             partial[start:stop] = _mean(mask)
             shaded = turned_away[start:stop]
             if shaded.any():
-                own = caster.shadow(light, samples.rows(start, stop).take(np.flatnonzero(shaded)))
+                alone = samples.rows(start, stop).take(np.flatnonzero(shaded))
+                own = cast_shadow(method, caster, light, alone)
                 partial[start:stop][shaded] = own.transmittance
             for name, value in mask.stats.items():
                 stats[name] = stats.get(name, 0) + value

@@ -10,7 +10,7 @@ from umbrae.errors import InputError, OptionError
 from umbrae.image import Image
 from umbrae.light import Light
 from umbrae.memory import require
-from umbrae.methods import Method, make_method
+from umbrae.methods import Method, cast_shadow, make_method
 from umbrae.methods.frustum_cpu import BLOCK
 from umbrae.samples import ViewSamples
 from umbrae.sampling import sample_layers, sample_stochastic
@@ -106,9 +106,9 @@ def render(
         for light in shining:
             with clock.span("shadow"):
                 if filtered:
-                    of_layer.append(filtered_shadow(scene, caster, light, layer, width=filter_width, clock=clock))
+                    of_layer.append(filtered_shadow(algorithm, caster, light, layer, width=filter_width, clock=clock))
                 else:
-                    of_layer.append(caster.shadow(light, layer, clock))
+                    of_layer.append(cast_shadow(algorithm, caster, light, layer, clock))
         masks.append(tuple(of_layer))
     with clock.span("shade"):
         if len(found) == 1 and (layers == 1 or stochastic is not None):

@@ -23,12 +23,15 @@ from umbrae.options import (
     Eye,
     Fov,
     Json,
+    LightRadius,
+    LightSamples,
     MethodName,
     Model,
     Opaque,
     Points,
     Quiet,
     SizeOption,
+    SunDiameter,
     Suns,
     Target,
     Up,
@@ -55,6 +58,9 @@ def render(
     fov: Fov = 50.0,
     light: Points = [],  # noqa: B006
     sun: Suns = [],  # noqa: B006
+    light_radius: LightRadius = 0.0,
+    sun_diameter: SunDiameter = 0.0,
+    light_samples: LightSamples = None,
     method: MethodName = "frustum",
     counting: Counting = None,
     determinism: Determinism = None,
@@ -96,7 +102,9 @@ def render(
 ) -> None:
     """Render MODEL with exact shadows."""
     clock = Clock() if as_json or quiet else ConsoleClock()
-    algorithm = make_method(method, **given(counting=counting, determinism=determinism, counter=counter))
+    algorithm = make_method(
+        method, **given(counting=counting, determinism=determinism, counter=counter, light_samples=light_samples)
+    )
     chances = _chances(stochastic, seed, samples_per_pixel, show)
     if chances is not None and "transparency" in algorithm.options():
         algorithm = make_method(algorithm, transparency="stochastic", seed=chances)
@@ -113,7 +121,7 @@ def render(
 
     scene = load(model, clock, written, opaque)
     camera = arguments.camera(scene, view, eye, target, up, fov)
-    lights = arguments.lights(scene, camera, light, sun, up)
+    lights = arguments.lights(scene, camera, light, sun, up, light_radius, sun_diameter)
     compile_kernels([algorithm], samples_per_pixel, clock, transmission_of(scene) is not None, chances)
     if show is not None:
         image = figure(show, scene, camera, lights[0], algorithm, samples_per_pixel, up, clock)
@@ -165,6 +173,8 @@ def render(
         lights=[
             {
                 "position": one.position.tolist(),
+                "radius": one.radius,
+                "angular_diameter": one.angular_diameter,
                 "in_shadow": int(shadow_mask.in_shadow.sum()),
                 "stats": {name: int(value) for name, value in shadow_mask.stats.items()},
             }

@@ -132,6 +132,8 @@ class _Sides(NamedTuple):
 class FrustumCaster(Caster):
     """The triangles in clusters, and the solids if wanted; everything else depends on the light."""
 
+    takes_area_lights = True
+
     def __init__(self, scene: Scene, method: Frustum, clock: Clock | None) -> None:
         self.scene = scene
         self.method = method
@@ -154,7 +156,7 @@ class FrustumCaster(Caster):
             self.solids = find_solids(scene.positions, scene.triangles, allowed)
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
-        samples.check(self.scene)
+        self.check(light, samples)
         clock = clock or Clock()
         if light.is_area:
             count = self.method.light_samples

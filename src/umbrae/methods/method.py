@@ -22,11 +22,20 @@ LIGHT_SAMPLES = 32
 class Caster(ABC):
     """A scene's geometry, prepared once by a method; asked once per light and set of samples."""
 
+    scene: Scene
+    takes_area_lights: ClassVar[bool] = False
+
+    def check(self, light: Light, samples: ViewSamples) -> None:
+        """Refuse samples that were made for another scene, and a light with a size if `shadow` takes none."""
+        samples.check(self.scene)
+        if light.is_area and not self.takes_area_lights:
+            raise InputError("wanted a light without a size; umbrae.shadow takes the mean over points of it")
+
     @abstractmethod
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         """Decide every sample; marks its stages as spans on `clock`.
 
-        Starts with `samples.check(scene)`, which refuses samples that were made for another scene.
+        Starts with `check`.
         """
 
 

@@ -82,7 +82,7 @@ class OracleCaster(Caster):
 
     def decide(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> Decided:
         """The mask of `shadow`, and how well its shares of light are known."""
-        samples.check(self.scene)
+        self.check(light, samples)
         clock = clock or Clock()
         flat = samples.take(np.flatnonzero(samples.covered.reshape(-1)))
         verdict = np.zeros(flat.size, np.int8)

@@ -11,7 +11,7 @@ from umbrae.checks import Vector, instance
 from umbrae.clock import Clock
 from umbrae.mask import Guarantee
 from umbrae.memory import require
-from umbrae.methods import Method, make_method
+from umbrae.methods import Method, cast_shadow, make_method
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 from umbrae.sun.solar import Sky
@@ -104,7 +104,7 @@ def sun_study(
     with clock.span("sun"):
         for done, light in enumerate(suns, 1):
             # Without the clock: what should move is how many suns are done.
-            count += ~caster.shadow(light, listed).in_shadow
+            count += ~cast_shadow(algorithm, caster, light, listed).in_shadow
             clock.advance(done, len(suns))
     hours = np.empty(sensors.size)
     hours[slice(None) if order is None else order] = count.reshape(-1) * sky.step_hours

@@ -181,7 +181,7 @@ class VolumeCaster(Caster):
         self, light: Light, samples: ViewSamples, clock: Clock
     ) -> tuple[NDArray[np.int32], Rounding, dict[str, int]]:
         """The counter for every sample, how far off faces may be drawn, and what was done."""
-        samples.check(self.scene)
+        self.check(light, samples)
         camera = self._camera_of(samples)
         per_pixel = samples.shape[2] if len(samples.shape) == 3 else 1
         count = np.zeros((camera.height, camera.width, per_pixel), np.int32)
