@@ -16,6 +16,7 @@ from umbrae import (
     Scene,
     ShadowMask,
     ViewSamples,
+    arguments,
     sample,
     shadow,
 )
@@ -518,3 +519,23 @@ def test_light_samples_are_an_option_of_every_method():
     samples = ViewSamples.points([[0, 0, 0]])
     share = shadow(scene, Light.point((0, 6, 0), radius=0.5), samples, method=Frustum(light_samples=8)).transmittance
     assert share[0, 0] * 8 == round(float(share[0, 0]) * 8)
+
+
+# ---- the command line's texts ----
+
+
+def test_radius_and_diameter_belong_to_point_lights_and_suns():
+    scene = half_plane()
+    view, up = Camera.frame(scene), arguments.Vector(0, 1, 0)
+    point, sun = arguments.Vector(0, 6, 0), arguments.Sun(120, 40)
+    lamp, star = arguments.lights(scene, view, [point], [sun], up, radius=0.5, diameter=0.53)
+    assert (lamp.radius, lamp.angular_diameter, star.radius, star.angular_diameter) == (0.5, 0, 0, 0.53)
+    hard = arguments.lights(scene, view, [point], [sun], up)
+    assert not any(light.is_area for light in hard)
+    (default,) = arguments.lights(scene, view, [], [], up, diameter=2.0)
+    assert default.is_directional
+    assert default.angular_diameter == 2.0
+    with pytest.raises(OptionError, match=r"--light-radius: wanted a point light \(--light\)"):
+        arguments.lights(scene, view, [], [sun], up, radius=0.5)
+    with pytest.raises(OptionError, match=r"--sun-diameter: wanted a sun \(--sun\)"):
+        arguments.lights(scene, view, [point], [], up, diameter=0.5)
