@@ -240,4 +240,9 @@ def test_empty_scene_and_no_samples():
         shadow(random_soup(np.random.default_rng(0), 3), light, ViewSamples.points(np.zeros((0, 3)))).in_shadow.size
         == 0
     )
-    assert Frustum().options() == {"front_face_culling": False, "transparency": "exact", "seed": 0}
+    assert Frustum().options() == {
+        "light_samples": 32,
+        "front_face_culling": False,
+        "transparency": "exact",
+        "seed": 0,
+    }
