@@ -21,7 +21,7 @@ def groups_of(count: int) -> int:
 def dispatch(
     session: Session,
     path: Path,
-    groups: "int | tuple[Any, int]",
+    groups: int | tuple[Any, int],
     uniforms: Mapping[str, Any],
     buffers: Mapping[int, Any],
     defines: Mapping[str, int | str] | None = None,
@@ -29,7 +29,7 @@ def dispatch(
     """Run a compute shader, and let others see its work.
 
     `groups`: how many (they are laid out in rows: see `invocation.glsl`), or a buffer and the place in it where three
-    numbers say that. `uniforms` by name, of which those are set that it uses, arrays as far as it uses them; `buffers` by binding.
+    numbers say that. `uniforms` by name: those are set that it uses, arrays as far as it uses them. `buffers` by binding.
     """
     shader = program(session, path, defines)
     for name, value in uniforms.items():

@@ -124,16 +124,14 @@ class FrustumGlCaster(Caster):
         if self._solids is not None:
             source = light.position.astype(np.float64)
             holds_light = ((source[:3] >= self._solids.lower) & (source[:3] <= self._solids.upper)).all(axis=1)
-            culling = self._solid_of, ~holds_light | light.is_directional
+            culling = self._solid_of, np.asarray(~holds_light | light.is_directional)
         if self.passes.face(count, {"light": _source(light)}, culling):
             sides = self.passes.sides(count)
             unsure = np.flatnonzero(sides == _UNSURE)
             sides[unsure] = facing_of_all(self.scene.positions, self.scene.triangles[unsure], light.position)
             self.passes.set_sides(sides)
 
-    def _cast(
-        self, light: Light, camera: Camera, band: Band, stats: dict[str, int], clock: Clock
-    ) -> NDArray[np.int32]:
+    def _cast(self, light: Light, camera: Camera, band: Band, stats: dict[str, int], clock: Clock) -> NDArray[np.int32]:
         """Send all frusta down the tree; returns the pairs `(p, 2)` of sample and triangle that float64 leaves open."""
         uniforms = {**self._view(camera), **band.tiles.uniforms, "light": _source(light), "reach": self._reach}
         start, count = 0, len(self.scene.triangles)

@@ -1,16 +1,26 @@
 """What float64 leaves open on the GPU, decided on the CPU."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbrae.geometry.predicates import SHADOWED, facing, shadows
 from umbrae.parallel import kernel
 
 
 @kernel
-def decide_pairs(positions, triangles, light, own, barycentric, side, pairs, in_shadow):
-    """Set `in_shadow (p,) bool` where the triangle of a pair shadows its sample.
+def decide_pairs(
+    positions: NDArray[np.float32],
+    triangles: NDArray[np.int32],
+    light: NDArray[np.float64],
+    own: NDArray[np.int32],
+    barycentric: NDArray[np.float32],
+    side: NDArray[np.int8],
+    pairs: NDArray[np.int32],
+    in_shadow: NDArray[np.bool_],
+) -> None:
+    """Set `in_shadow (p,)` where the triangle of a pair shadows its sample.
 
-    `pairs (p, 2) int32` hold a sample's index and a triangle's; `own`, `barycentric`, `side` are the samples' arrays.
+    `pairs (p, 2)` hold a sample's index and a triangle's; `own`, `barycentric`, `side` are the samples' arrays.
     """
     point = np.empty(3)
     for p in range(len(pairs)):

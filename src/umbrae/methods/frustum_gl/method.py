@@ -14,19 +14,20 @@ from umbrae.scene import Scene
 class FrustumGl(Method):
     """Exact shadows of any triangle soup after Sintorn, Olsson and Assarsson 2011, on OpenGL 4.5.
 
-    The samples of a picture are the leaves of a tree of tiles with 32 children each, 8 x 4 and 4 x 8 in turns, and with
-    their bounds in the camera's normalized device coordinates. Each triangle's shadow frustum goes down that tree: a
-    node is rejected, accepted (one bit then darkens all below), or refined. One work group of 32 lanes serves a frustum;
-    lanes exchange what they found through shared memory.
+    The samples of a picture are the leaves of a tree of tiles with 32 children each, 8 x 4 and 4 x 8 in turns, and
+    with their bounds in the camera's normalized device coordinates. Each triangle's shadow frustum goes down that tree:
+    a node is rejected, accepted (one bit then darkens all below), or refined. A work group of 32 lanes serves a frustum;
+    they exchange what they found through shared memory.
 
     Planes are tested in float32 with derived bounds (`setup.glsl`). The pairs of a sample and a triangle that this
-    leaves open are decided in float64 with the bounds of `geometry.predicates`, and what that leaves open, exactly on the
-    CPU: rasterizers propose, one predicate decides.
+    leaves open are decided in float64 with the bounds of `geometry.predicates`, and what that leaves open, exactly on
+    the CPU: rasterizers propose, one predicate decides.
 
     Deviations from the paper: nodes have bounds in x and y too, those of the samples they hold, since a sample is a
-    point of its triangle that need not lie at a pixel's centre; the silhouette of a frustum seen from the eye is bounded
-    by up to four planes instead of two; there is no bias, as a sample knows its own triangle; groups take frusta from a
-    counter; a node that is full tells its parent.
+    point of its triangle that need not lie at a pixel's centre; the silhouette of a frustum seen from the eye is
+    bounded by up to four planes instead of two; there is no bias, as a sample knows its own triangle; in large pictures
+    each node of 32768 samples that a frustum meets is a task for a group of its own; a node that is full tells its
+    parent.
 
     Options
     -------

@@ -56,8 +56,8 @@ class Passes:
         for name, array in (("vertices", positions), ("triangles", triangles)):
             if array.nbytes > self.most:
                 raise GraphicsError(
-                    f"frustum-gl: {len(array)} {name} need {array.nbytes} bytes in one buffer, this OpenGL driver takes "
-                    f"{self.most}; the method `frustum` needs no such buffer"
+                    f"frustum-gl: {len(array)} {name} need {array.nbytes} bytes in one buffer, this OpenGL driver "
+                    f"takes {self.most}; the method `frustum` needs no such buffer"
                 )
         self._kept = {POSITIONS: self.buffer(positions), TRIANGLES: self.buffer(triangles)}
 
@@ -111,10 +111,19 @@ class Passes:
             self._run("hierarchy", groups_of(tiles.count(level)), {**tiles.uniforms, "level": level}, buffers, leaves)
         clear(self.session, self._room(DARK, 4 * tiles.words))
 
-    def boxes(self, tiles: Tiles) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        """What `build` has found: `(nodes, 2, 4)` lowest and highest x, y, q, and `(words,)` which children there are."""
+    def tree(self, tiles: Tiles) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+        """What `build` has found: `(nodes, 2, 4)` lowest and highest x, y, q; `(words,)` which children there are."""
         boxes = np.frombuffer(self._kept[BOXES].read(32 * tiles.nodes), np.float32)
         return boxes.reshape(-1, 2, 4), np.frombuffer(self._kept[PRESENT].read(4 * tiles.words), np.uint32)
+
+    def places(self, band: Band) -> NDArray[np.uint32]:
+        """What `place` has found, `(places, 4)`: the bits of x, y, q, and the own triangle."""
+        return np.frombuffer(band.places.read(), np.uint32).reshape(-1, 4)
+
+    def frusta(self) -> NDArray[np.uint32]:
+        """What `set_up` has made last, `(n, 48)`: see `frustum.glsl`."""
+        count = int(self._count()[0])
+        return np.frombuffer(self._kept[FRUSTA].read(FRUSTUM_BYTES * count), np.uint32).reshape(count, -1)
 
     def set_up(self, count: int, uniforms: Mapping[str, Any], defines: Defines) -> None:
         """Make the frusta of `count` triangles from number `first` of the uniforms."""

@@ -51,8 +51,8 @@ class GpuShadow:
     Attributes
     ----------
     verdicts
-        For each band of the uploaded samples a `moderngl.Buffer` with a byte for each sample: 1 in shadow, 0 lit. Buffers
-        are filled up to a multiple of 4 bytes.
+        For each band of the uploaded samples a `moderngl.Buffer` with a byte for each sample: 1 in shadow, 0 lit.
+        Buffers are filled up to a multiple of 4 bytes.
     stats
         As in `ShadowMask`.
     """
@@ -106,7 +106,7 @@ def rows_of_band(camera: Camera, per_pixel: int, most_bytes: int) -> int:
     rows = (most - 3) // per_pixel if per_pixel > 1 else most - 3
     if rows < 1:
         raise GraphicsError(
-            f"frustum-gl: a row of {camera.width} pixels with {per_pixel} samples each has no room in one buffer of this "
-            f"OpenGL driver, {most_bytes} bytes; the method `frustum` takes it"
+            f"frustum-gl: a row of {camera.width} pixels with {per_pixel} samples each has no room in one buffer of "
+            f"this OpenGL driver, {most_bytes} bytes; the method `frustum` takes it"
         )
     return min(rows, camera.height)
