@@ -49,7 +49,8 @@ class Leaves(NamedTuple):
 
     def bytes_of(self, used: int) -> int:
         """Bytes of `used` leaves."""
-        return used * sum(part[0].nbytes for part in self)
+        each: int = sum(part[0].nbytes for part in self)
+        return used * each
 
     def release(self, used: int) -> None:
         """Keep the memory, in which `used` leaves have been stored, for the next call."""
