@@ -1,4 +1,4 @@
-"""Every example runs, and so does every line of Python in the README."""
+"""Every example runs, and so does every line of Python in the README and in docs/light.md."""
 
 import re
 import runpy
@@ -34,14 +34,21 @@ def test_example(path, capsys):
             assert len(np.unique(np.asarray(image))) > 20
 
 
-def test_readme(capsys):
-    text = (ROOT / "README.md").read_text()
-    blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+def run_python_in(page):
+    blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / page).read_text(), re.MULTILINE | re.DOTALL)
     assert blocks
     names: dict[str, object] = {}
     for block in blocks:
-        exec(compile(block, "README.md", "exec"), names)
+        exec(compile(block, page, "exec"), names)
+
+
+def test_readme(capsys):
+    run_python_in("README.md")
     assert Path("model.png").exists()
+
+
+def test_page_on_light():
+    run_python_in("docs/light.md")
 
 
 def test_readme_names_every_command_and_method():

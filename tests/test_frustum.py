@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from truth import lattice_soup, random_samples, random_soup
-from umbrae import METHODS, Camera, Light, Scene, ViewSamples, sample, shadow, verify
+from umbrae import METHODS, Camera, Light, Material, Scene, ViewSamples, sample, shadow, verify
 from umbrae.geometry.solids import find_solids
+from umbrae.mask import add_stats
+from umbrae.methods import frustum_cpu
 from umbrae.methods.frustum_cpu import Frustum
 from umbrae.methods.light_frame import light_frames
 from umbrae.methods.triangle_clusters import cluster_triangles
@@ -232,6 +234,40 @@ def test_a_caster_may_be_asked_by_several_threads_and_again():
         np.testing.assert_array_equal(mask, truth)
 
 
+def test_memory_is_that_of_leaves_boxes_flags_and_sums(monkeypatch):
+    # 17 leaves of 16 points each in a patch of the floor: two groups of 16, and the root above them, which is one of
+    # the two children of a node that stands alone.
+    grid = np.stack(np.meshgrid(np.arange(16), [0], np.arange(17), indexing="ij"), axis=-1).reshape(-1, 3) / 4096
+    points = ViewSamples.points(grid)
+    positions, triangles, sun = [(-9, 1, -9), (9, 1, -9), (0, 1, 9)], [(0, 1, 2)], Light.directional((0, -1, 0))
+    leaf = 4 * (3 * 16 + 2 * 16 + 8) + 8  # places, numbers, bounds with slack; the key
+    tree = 4 * 17 + 4 * (4 * 6 * 16)  # where leaves are; six bounds of each child
+    flags, rows = 4 * 16, 4 + 17
+    solid = shadow(Scene(positions, triangles), sun, points)
+    assert solid.in_shadow.all()
+    assert solid.stats["hierarchy_bytes"] == 17 * leaf + tree
+    assert solid.stats["shadow_buffer_bytes"] == flags
+    glass = Scene(positions, triangles, [Material((1.0, 1.0, 1.0, 0.5), "BLEND")])
+    # By chance first: what is kept for later has no sums then. And after sums, which are kept, there are none either.
+    for transparency, each in (("stochastic", 1), ("exact", 1 + 8), ("stochastic", 1)):
+        stats = shadow(glass, sun, points, method=Frustum(transparency=transparency)).stats
+        assert stats["hierarchy_bytes"] == 17 * leaf + tree
+        assert stats["shadow_buffer_bytes"] == flags + rows * 3 * 16 * each
+    # Block by block it is the same memory again.
+    monkeypatch.setattr(frustum_cpu, "BLOCK", 16 * 4)
+    by_blocks = shadow(Scene(positions, triangles), sun, points)
+    assert by_blocks.stats["hierarchy_bytes"] == 4 * leaf + 4 * 4 + 2 * 4 * 6 * 16
+    assert by_blocks.stats["shadow_buffer_bytes"] == 2 * 16
+
+
+def test_counters_add_up_and_memory_does_not():
+    total = {"accepts": 3, "hierarchy_bytes": 40}
+    add_stats(total, {"accepts": 4, "hierarchy_bytes": 30, "shadow_buffer_bytes": 8})
+    assert total == {"accepts": 7, "hierarchy_bytes": 40, "shadow_buffer_bytes": 8}
+    add_stats(total, {"hierarchy_bytes": 50})
+    assert total["hierarchy_bytes"] == 50
+
+
 def test_empty_scene_and_no_samples():
     empty = Scene(np.zeros((0, 3)), np.zeros((0, 3), int))
     light = Light.point((0, 1, 0))
@@ -240,4 +276,9 @@ def test_empty_scene_and_no_samples():
         shadow(random_soup(np.random.default_rng(0), 3), light, ViewSamples.points(np.zeros((0, 3)))).in_shadow.size
         == 0
     )
-    assert Frustum().options() == {"front_face_culling": False, "transparency": "exact", "seed": 0}
+    assert Frustum().options() == {
+        "light_samples": 32,
+        "front_face_culling": False,
+        "transparency": "exact",
+        "seed": 0,
+    }

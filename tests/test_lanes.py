@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from umbrae.methods.lanes import ALL, LANES, choose, count, equal, largest, load, lowest, smallest, splat
+from umbrae.methods.lanes import ALL, LANES, choose, count, equal, largest, lesser, load, lowest, smallest, splat
 from umbrae.parallel import kernel
 
 
@@ -15,6 +15,7 @@ def compute(numbers, whole, out, masks):
     masks[4], masks[5] = equal(whole, 1, 2, np.int8(5)), count(masks[0])
     masks[6] = lowest(masks[2])
     out[2] = largest(choose(np.int32(masks[0]), a, b))
+    out[3] = largest(lesser(a, b))
 
 
 def bits(verdicts):
@@ -26,7 +27,7 @@ def test_lanes_compute_compare_and_choose_like_numpy():
     numbers = rng.normal(size=(2, 40)).astype(np.float32)
     numbers[1, 5], numbers[1, 9] = 2.0, np.nan  # equal to the bound; and a comparison that never holds
     whole = rng.integers(4, 7, (2, 30)).astype(np.int8)
-    out, masks = np.zeros(3, np.float32), np.zeros(7, np.int64)
+    out, masks = np.zeros(4, np.float32), np.zeros(7, np.int64)
     compute(numbers, whole, out, masks)
     a, b = numbers[1, 3:19], numbers[0, :16]
     assert list(masks[:5]) == [bits(a < b), bits(a <= 2), bits(a > b), bits(a >= 2), bits(whole[1, 2:18] == 5)]
@@ -35,4 +36,5 @@ def test_lanes_compute_compare_and_choose_like_numpy():
     assert out[0] == np.nanmin(abs(a) * np.float32(2) - b)
     assert out[1] == np.nanmax(a + np.float32(2))
     assert out[2] == np.nanmax(np.where(a < b, a, b))
+    assert out[3] == np.nanmax(np.where(a < b, a, b))
     assert bits(np.ones(LANES, bool)) == ALL

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from test_gl import DRAWN, LIGHT, picture, soup
-from umbrae import METHODS, GraphicsError, Light
+from umbrae import METHODS, GraphicsError, Light, Scene
 from umbrae.errors import OptionError
 from umbrae.gl import context, program
+from umbrae.material import Material
 from umbrae.sampling import sample_gl
 
 PACKAGE = Path(context.__file__).parents[1]
@@ -122,6 +123,12 @@ def every_option(method: str):
         yield METHODS[method](**dict(zip(values, combination, strict=True)))
 
 
+def overlapping_panes() -> Scene:
+    """Glass over glass in one plane: which casts on which is for exact arithmetic to say."""
+    corners = [(0, 0, 0), (4, 0, 0), (0, 0, 4), (1, 0, 1), (5, 0, 1), (1, 0, 5)]
+    return Scene(corners, [(0, 2, 1), (3, 5, 4)], Material(transmission=0.5))
+
+
 def shader_files(session) -> set[Path]:
     """The package's files, includes among them, of all programs that were compiled."""
     compiled = {key[1:] for key in session.kept if key[0] == "program" and PACKAGE in key[1].parents}
@@ -138,6 +145,10 @@ def test_every_shader_of_the_package_is_compiled_by_someone_with_some_option(ope
         for method in every_option(name):
             method.prepare(scene).shadow(LIGHT, samples)
             method.prepare(scene).shadow(Light.directional((-1, -2, -1)), samples)
+    panes = overlapping_panes()
+    for name in DRAWN:
+        if "transparency" in METHODS[name].accepts:
+            METHODS[name]().prepare(panes).shadow(LIGHT, picture(panes))
     sample_gl(scene, samples.camera)
     missing = {path.name for path in set(PACKAGE.rglob("*.glsl")) - shader_files(context.session())}
     assert not missing, f"nobody draws with {sorted(missing)}"

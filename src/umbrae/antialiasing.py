@@ -8,7 +8,7 @@ from umbrae.clock import Clock
 from umbrae.errors import OptionError
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.light import Light
-from umbrae.mask import Guarantee, ShadowMask
+from umbrae.mask import Guarantee, ShadowMask, add_stats
 from umbrae.memory import require
 from umbrae.methods import Caster, Method, cast_shadow
 from umbrae.samples import ViewSamples
@@ -73,8 +73,7 @@ def filtered_shadow(
                 alone = samples.rows(start, stop).take(np.flatnonzero(shaded))
                 own = cast_shadow(method, caster, light, alone)
                 partial[start:stop][shaded] = own.transmittance
-            for name, value in mask.stats.items():
-                stats[name] = stats.get(name, 0) + value
+            add_stats(stats, mask.stats)
             clock.advance(stop, height)
     return ShadowMask((partial == 0).all(axis=-1), Guarantee.NONE, stats=stats, partial=partial)
 

@@ -37,7 +37,7 @@ class ShadowMask:
         Whether sides between neighbouring triangles are faces as well: for a method that gives every triangle a volume
         of its own, and does not make opposite sides cancel to the last bit.
     stats
-        Work counters, whole numbers by name.
+        Work counters, whole numbers by name; memory at its most, in names that end in "_bytes".
     partial
         `(..., 3) float32` in [0, 1]: the share of light that arrives per colour channel, where casters let some of it
         through or the light has a size; None where every sample is either lit or dark.
@@ -60,3 +60,10 @@ class ShadowMask:
             return self.partial
         lit = np.where(self.in_shadow, np.float32(0), np.float32(1))
         return np.repeat(lit[..., None], 3, axis=-1)
+
+
+def add_stats(total: dict[str, int], more: Mapping[str, int]) -> None:
+    """Add another mask's counters to `total`; memory is used again, so the larger counts."""
+    for name, value in more.items():
+        before = total.get(name, 0)
+        total[name] = max(before, value) if name.endswith("_bytes") else before + value

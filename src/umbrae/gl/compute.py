@@ -21,7 +21,7 @@ def groups_of(count: int) -> int:
 def dispatch(
     session: Session,
     path: Path,
-    groups: "int | tuple[Any, int]",
+    groups: int | tuple[Any, int],
     uniforms: Mapping[str, Any],
     buffers: Mapping[int, Any],
     defines: Mapping[str, int | str] | None = None,
@@ -29,13 +29,16 @@ def dispatch(
     """Run a compute shader, and let others see its work.
 
     `groups`: how many (they are laid out in rows: see `invocation.glsl`), or a buffer and the place in it where three
-    numbers say that. `uniforms` by name, of which those are set that it uses, arrays as far as it uses them; `buffers` by binding.
+    numbers say that. `uniforms` by name: those are set that it uses, lists as far as it uses them. `buffers` by
+    binding.
     """
     shader = program(session, path, defines)
     for name, value in uniforms.items():
         if name in shader:
             uniform = shader[name]
-            uniform.value = value[: uniform.array_length] if uniform.array_length > 1 else value
+            if isinstance(value, list):
+                value = value[: uniform.array_length] if uniform.array_length > 1 else value[0]
+            uniform.value = value
     for binding, buffer in buffers.items():
         buffer.bind_to_storage_buffer(binding)
     if isinstance(groups, int):

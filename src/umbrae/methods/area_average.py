@@ -4,7 +4,7 @@ import numpy as np
 
 from umbrae.clock import Clock
 from umbrae.light import Light
-from umbrae.mask import Guarantee, ShadowMask
+from umbrae.mask import Guarantee, ShadowMask, add_stats
 from umbrae.methods.area_samples import fixed_samples
 from umbrae.methods.method import Caster, Method
 from umbrae.samples import ViewSamples
@@ -42,8 +42,7 @@ def average_over_light(
         mask = caster.shadow(Light(position, light.color, light.intensity), samples, clock)
         total += mask.transmittance
         tolerance += mask.tolerance
-        for name, value in mask.stats.items():
-            stats[name] = stats.get(name, 0) + value
+        add_stats(stats, mask.stats)
     partial = (total / count).astype(np.float32)
     return ShadowMask(
         (partial == 0).all(axis=-1),

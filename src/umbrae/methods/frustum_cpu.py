@@ -21,7 +21,7 @@ from umbrae.methods.frustum_traversal import CLUSTERS, merge, traverse_batch, wr
 from umbrae.methods.lanes import LANES
 from umbrae.methods.light_frame import POSITION_ERROR, LightFrame, light_frames, surface_error
 from umbrae.methods.method import Caster, Method
-from umbrae.methods.sample_tree import SampleTree, bounds_with, build
+from umbrae.methods.sample_tree import SampleTree, bounds_with, build, hierarchy_bytes
 from umbrae.methods.transmission_buffer import Dice, leave_out, light_or_dark, merge_sums, reserve, terms, write_shares
 from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles, light_sides
 from umbrae.parallel import run, thread_count
@@ -38,6 +38,12 @@ QUEUE = 4096
 
 _QUEUED_LEAVES = 256
 """Leaves that a queued node is split into, at most, for one thread."""
+
+MEMORY = ("hierarchy_bytes", "shadow_buffer_bytes")
+"""In `ShadowMask.stats` beside `COUNTERS`: bytes of leaves and boxes, and of the flags and sums at nodes and samples.
+
+Those of the largest block; a solid caster's verdict about a single sample takes the place of the sample's own triangle.
+"""
 
 TRANSPARENCY = ("exact", "stochastic")
 
@@ -165,7 +171,7 @@ class FrustumCaster(Caster):
             return shadow_of_area(self.scene, self.clusters, self.solids, light, samples, count, clock)
         in_shadow = np.zeros(samples.size, bool)
         partial = None if self.sheer is None else np.empty((samples.size, 3), np.float32)
-        stats = np.zeros(len(COUNTERS), np.int64)
+        stats, memory = np.zeros(len(COUNTERS), np.int64), (0, 0)
         if len(self.scene.triangles) and samples.size:
             source = light.position.astype(np.float64)
             with clock.span("facing"):
@@ -179,8 +185,11 @@ class FrustumCaster(Caster):
                 by_chance = self.method.transparency == "stochastic"
                 dice = Dice(strata if by_chance else 0, int(self.method.seed), start * width)
                 shares = None if partial is None else partial[part]
-                stats += self._shadow_block(source, block, sides, dice, in_shadow[part], shares, clock)
-        counters = dict(zip(COUNTERS, (int(n) for n in stats), strict=True))
+                done, used = self._shadow_block(source, block, sides, dice, in_shadow[part], shares, clock)
+                stats += done
+                # One block after the other, in the same memory.
+                memory = max(memory[0], used[0]), max(memory[1], used[1])
+        counters = dict(zip((*COUNTERS, *MEMORY), (*stats.tolist(), *memory), strict=True))
         in_shadow = in_shadow.reshape(samples.shape)
         if partial is None:
             return ShadowMask(in_shadow, Guarantee.EXACT, stats=counters)
@@ -208,7 +217,8 @@ class FrustumCaster(Caster):
         in_shadow: NDArray[np.bool_],
         partial: NDArray[np.float32] | None,
         clock: Clock,
-    ) -> NDArray[np.int64]:
+    ) -> tuple[NDArray[np.int64], tuple[int, int]]:
+        """Decide the samples of one hierarchy; returns `COUNTERS` and `MEMORY`."""
         with clock.span("hierarchy"):
             bounds = bounds_with(self.bounds, samples)
             largest = float(np.abs(bounds).max())
@@ -232,10 +242,13 @@ class FrustumCaster(Caster):
                 if partial is None:
                     verdicts = tree.slot, tree.full, leaves.ids, in_shadow
                     _in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_out, *verdicts)
+        used = [tree for _, tree in active]
+        flags, sums = sum(tree.full.nbytes for tree in used), 0
         if self.sheer is not None and partial is not None:
-            stats += self._dim(self.sheer, sides, dice, active, receivers, in_shadow, partial, clock)
-        leaves.release(sum(len(tree.slot) for _, tree in active))
-        return stats
+            dimmed, sums = self._dim(self.sheer, sides, dice, active, receivers, in_shadow, partial, clock)
+            stats += dimmed
+        leaves.release(sum(len(tree.slot) for tree in used))
+        return stats, (hierarchy_bytes(leaves, used), flags + sums)
 
     def _dim(
         self,
@@ -247,8 +260,11 @@ class FrustumCaster(Caster):
         in_shadow: NDArray[np.bool_],
         partial: NDArray[np.float32],
         clock: Clock,
-    ) -> NDArray[np.int64]:
-        """Let the other triangles dim what the solid ones have left lit, and write what arrives into `partial`."""
+    ) -> tuple[NDArray[np.int64], int]:
+        """Let the other triangles dim what the solid ones have left lit, and write what arrives into `partial`.
+
+        Returns `COUNTERS` and the bytes of the transmission buffers.
+        """
         with clock.span("transmission"):
             _in_parts(len(partial), _SAMPLES_PER_TASK, clock, light_or_dark, in_shadow, partial)
             whole, buffers = reserve([tree for _, tree in active], dice)
@@ -261,7 +277,7 @@ class FrustumCaster(Caster):
                 what = tree, receivers, sides.own, sheer.table, buffer, dice, in_shadow, partial
                 _in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_shares, *what)
         whole.release()
-        return stats
+        return stats, sum(buffer.bytes for buffer in buffers)
 
     def _not_behind_own(
         self,

@@ -47,9 +47,14 @@ class Leaves(NamedTuple):
     box: NDArray[np.float32]
     key: NDArray[np.int64]
 
+    def bytes_of(self, used: int) -> int:
+        """Bytes of `used` leaves."""
+        each: int = sum(part[0].nbytes for part in self)
+        return used * each
+
     def release(self, used: int) -> None:
         """Keep the memory, in which `used` leaves have been stored, for the next call."""
-        keep_spare("leaves", self, used * sum(part[0].nbytes for part in self))
+        keep_spare("leaves", self, self.bytes_of(used))
 
 
 class SampleTree(NamedTuple):
@@ -124,6 +129,11 @@ def build(
     sort_by_key(used, leaves.key, 32 - bits, sorted_slots, ends)
     of_frames = np.split(sorted_slots, ends[1 << bits : -1 : 1 << bits])
     return leaves, [_tree(leaves.box, slots) if len(slots) else None for slots in of_frames]
+
+
+def hierarchy_bytes(leaves: Leaves, trees: list[SampleTree]) -> int:
+    """Bytes of the trees' leaves and of the boxes above them; what is reserved beyond does not count."""
+    return sum(leaves.bytes_of(len(tree.slot)) + tree.slot.nbytes + tree.box.nbytes for tree in trees)
 
 
 def bounds_with(bounds: NDArray[np.float64], samples: ViewSamples) -> NDArray[np.float64]:

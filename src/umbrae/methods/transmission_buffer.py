@@ -67,9 +67,14 @@ class TransmissionBuffer(NamedTuple):
     blocked: NDArray[np.uint8]
     leaves: int
 
+    @property
+    def bytes(self) -> int:
+        """Of all rows."""
+        return self.sums.nbytes + self.blocked.nbytes
+
     def release(self) -> None:
         """Keep the memory for the next call."""
-        keep_spare("transmission", self, self.sums.nbytes + self.blocked.nbytes)
+        keep_spare("transmission", self, self.bytes)
 
 
 def reserve(trees: list[SampleTree], dice: Dice) -> tuple[TransmissionBuffer, list[TransmissionBuffer]]:
@@ -85,7 +90,7 @@ def reserve(trees: list[SampleTree], dice: Dice) -> tuple[TransmissionBuffer, li
         whole.sums[:summed] = 0
         whole.blocked[:rows] = 0
     parts = [
-        TransmissionBuffer(whole.sums[start:end], whole.blocked[start:end], len(tree.full))
+        TransmissionBuffer(whole.sums[:summed][start:end], whole.blocked[start:end], len(tree.full))
         for tree, start, end in zip(trees, [0, *ends], ends, strict=False)
     ]
     return whole, parts

@@ -2,7 +2,8 @@
 //
 // A frustum is 12 rows: the normals of four planes that point inside, the constant parts of their bounds, the parts that
 // grow with q; then the same of up to four planes through the eye, whose normals have no q, so that the constant part of
-// the bound stands there; then its triangle, as a caster. `setup.glsl` makes them and derives the bounds.
+// the bound stands there; then its triangle, as a caster, and the steps of transmission.glsl that it adds to a sum where
+// that is the same everywhere. `setup.glsl` makes them and derives the bounds.
 
 const int ROWS = 12;
 const float UNPLACED = 3.0;  // x of a sample that does not lie in the picture: no box tells anything about it
@@ -14,13 +15,17 @@ const uint GROUPS_X = 256u;  // of such a dispatch
 
 const int REJECT = 0, ACCEPT = 1, REFINE = 2;
 
-// A triangle and the side of it that the light is on, in one number.
-int caster_of(int triangle, int side) {
-    return 2 * triangle + (side > 0 ? 1 : 0);
+// A triangle, whether what it lets through depends on the place, and the side of it that the light is on.
+int caster_of(int triangle, bool uneven, int side) {
+    return 4 * triangle + (uneven ? 2 : 0) + (side > 0 ? 1 : 0);
 }
 
 int triangle_of(int caster) {
-    return caster >> 1;
+    return caster >> 2;
+}
+
+bool is_uneven(int caster) {
+    return (caster & 2) == 2;
 }
 
 int side_of_light(int caster) {

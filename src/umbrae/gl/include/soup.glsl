@@ -7,6 +7,12 @@ layout(std430, binding = 1) readonly buffer Triangles { int triangles[]; };
 layout(std430, binding = 3) readonly buffer Own { int own[]; };  // each sample's triangle; -1: background
 layout(std430, binding = 4) readonly buffer Barycentrics { uvec2 barycentrics[]; };
 
+layout(std430, binding = 5) readonly buffer Sides { uint sides[]; };  // that samples are seen from, four a word
+
+int side_of(int sample_index) {
+    return bitfieldExtract(int(sides[sample_index >> 2]), 8 * (sample_index & 3), 8);
+}
+
 dvec3 corner(int triangle, int which) {
     int vertex = 3 * triangles[3 * triangle + which];
     return dvec3(number(positions[vertex]), number(positions[vertex + 1]), number(positions[vertex + 2]));

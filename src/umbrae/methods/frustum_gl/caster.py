@@ -8,21 +8,20 @@ from numpy.typing import NDArray
 
 from umbrae.camera import Camera
 from umbrae.clock import Clock
-from umbrae.errors import InputError
 from umbrae.geometry.solids import Solids, find_solids
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.gl.context import Session, session
 from umbrae.gl.queries import stage
 from umbrae.light import Light
 from umbrae.mask import ShadowMask
-from umbrae.methods.frustum_gl.exact import decide_pairs
-from umbrae.methods.frustum_gl.passes import PAIR_BYTES, Defines, Passes
+from umbrae.methods.frustum_gl.exact import decide_pairs, shares_of_pairs
+from umbrae.methods.frustum_gl.passes import MOST_TASKS, PAIR_BYTES, Defines, Passes
 from umbrae.methods.frustum_gl.tiles import tiles_of
 from umbrae.methods.frustum_gl.uploaded import Band, GpuShadow, UploadedSamples, camera_of, rows_of_band
 from umbrae.methods.method import Caster
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
-from umbrae.transmission import transmission_of
+from umbrae.transmission import SOLID, transmission_of
 
 BATCH = 1 << 17
 """Triangles whose frusta go down together: 25 MB of planes, and no dispatch that takes long."""
@@ -38,26 +37,24 @@ class FrustumGlCaster(Caster):
         self, scene: Scene, silhouette_planes: bool, skip_full: bool, front_face_culling: bool, clock: Clock | None
     ) -> None:
         clock = clock or Clock()
-        if transmission_of(scene) is not None:
-            raise InputError(
-                "frustum-gl: materials of this scene let light through, which it does not serve; the method `frustum` "
-                "does"
-            )
         self.scene = scene
         self.session: Session = session()
+        self.table = transmission_of(scene)
         self._outlines: Defines = {"SILHOUETTE_PLANES": 1} if silhouette_planes else {}
         self._skips: Defines = {"SKIP_FULL": 1} if skip_full else {}
         self._solids: Solids | None = None
         if front_face_culling and len(scene.triangles):
             with clock.span("solids"):
-                self._solids = find_solids(scene.positions, scene.triangles, np.ones(len(scene.triangles), bool))
+                solid = np.ones(len(scene.triangles), bool) if self.table is None else self.table.kind == SOLID
+                self._solids = find_solids(scene.positions, scene.triangles, solid)
         self._reach = float(np.abs(scene.bounds).max())
         self._batch, self._room = BATCH, ROOM
         with self.session.current() as current:
-            self.passes = Passes(current, scene.positions, scene.triangles)
+            self.passes = Passes(current, scene, self.table)
             self._solid_of = None if self._solids is None else self.passes.buffer(self._solids.of)
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
+        self.check(light, samples)
         return self.shadow_on_gpu(light, self.upload(samples, clock), clock).mask(clock)
 
     def upload(self, samples: ViewSamples, clock: Clock | None = None) -> UploadedSamples:
@@ -83,7 +80,7 @@ class FrustumGlCaster(Caster):
         clock = clock or Clock()
         names = "tile_frustum_tests", "sample_frustum_tests", "accepts", "rejects", "fallbacks", "predicate_fallbacks"
         stats = dict.fromkeys(names, 0)
-        verdicts = []
+        merged = []
         with self.session.current() as current:
             if uploaded.bands:
                 with stage(current, clock, "facing"):
@@ -91,12 +88,16 @@ class FrustumGlCaster(Caster):
             for band in uploaded.bands:
                 with stage(current, clock, "hierarchy"):
                     self.passes.build(band)
-                pairs = self._cast(light, uploaded.camera, band, stats, clock)
+                pairs = self._cast(light, uploaded.camera, band, False, stats, clock)
+                if self.table is not None:
+                    more = self._cast(light, uploaded.camera, band, True, stats, clock)
+                    pairs = np.concatenate([pairs, more])
                 with clock.span("exact"):
                     found = self._decide(light, band, pairs)
                 with stage(current, clock, "merge"):
-                    verdicts.append(self.passes.merge(band, found))
-        return GpuShadow(self.session, uploaded, tuple(verdicts), stats)
+                    merged.append(self.passes.merge(band, *found))
+        partial = () if self.table is None else tuple(shares for _, shares in merged)
+        return GpuShadow(self.session, uploaded, tuple(verdict for verdict, _ in merged), partial, stats)
 
     def _band(self, samples: ViewSamples, camera: Camera, top: int, bottom: int) -> Band:
         """Rows of a picture, and their places."""
@@ -124,51 +125,80 @@ class FrustumGlCaster(Caster):
         if self._solids is not None:
             source = light.position.astype(np.float64)
             holds_light = ((source[:3] >= self._solids.lower) & (source[:3] <= self._solids.upper)).all(axis=1)
-            culling = self._solid_of, ~holds_light | light.is_directional
+            culling = self._solid_of, np.asarray(~holds_light | light.is_directional)
         if self.passes.face(count, {"light": _source(light)}, culling):
             sides = self.passes.sides(count)
             unsure = np.flatnonzero(sides == _UNSURE)
             sides[unsure] = facing_of_all(self.scene.positions, self.scene.triangles[unsure], light.position)
             self.passes.set_sides(sides)
 
-    def _cast(self, light: Light, camera: Camera, band: Band, stats: dict[str, int], clock: Clock) -> NDArray[np.int32]:
-        """Send all frusta down the tree; returns the pairs `(p, 2)` of sample and triangle that float64 leaves open."""
-        uniforms = {**self._view(camera), **band.tiles.uniforms, "light": _source(light), "reach": self._reach}
+    def _cast(
+        self, light: Light, camera: Camera, band: Band, see_through: bool, stats: dict[str, int], clock: Clock
+    ) -> NDArray[np.int32]:
+        """Send the frusta down the tree, of the casters that let light through or of the others.
+
+        Returns the pairs `(p, 2)` of a sample and a triangle that float64 leaves open.
+        """
+        uniforms = {
+            **self._view(camera), **band.tiles.uniforms, "light": _source(light), "reach": self._reach,
+            "see_through": see_through,
+        }  # fmt: skip
+        through: Defines = {"SEE_THROUGH": 1} if see_through else {}
         start, count = 0, len(self.scene.triangles)
-        left = []
+        left: list[NDArray[np.int32]] = []
+        counted: list[dict[str, int]] = []
         while start < count:
             size = min(self._batch, count - start)
             with stage(self.session, clock, "setup"):
                 self.passes.set_up(size, {**uniforms, "first": start}, self._outlines)
             with stage(self.session, clock, "traversal"):
-                self.passes.traverse(band, self._room, uniforms, {**self._outlines, **self._skips})
+                self.passes.traverse(band, self._room, uniforms, {**self._outlines, **self._skips, **through})
             with stage(self.session, clock, "decide"):
-                self.passes.decide(band, self._room, uniforms)
+                self.passes.decide(band, self._room, uniforms, through)
             tasks, queued, pairs, tests = self.passes.counted()
             if (wanted := max(tasks, queued)) > self._room:
-                # Once more: what is found again is found for good. A single triangle has no more pairs than there are
-                # samples, which fit.
-                if wanted * PAIR_BYTES <= self.passes.most:
-                    self._room = min(2 * wanted, self.passes.most // PAIR_BYTES)
-                else:
-                    self._batch = max(1, size // 2)
+                self._make_room(wanted, size)
+                # From the beginning: what was let through must not count twice.
+                start = 0
+                left.clear()
+                counted.clear()
+                if see_through:
+                    self.passes.clear_sums(band)
                 continue
             start += size
             left.append(pairs)
-            for name, more in {**tests, "fallbacks": queued, "predicate_fallbacks": len(pairs)}.items():
-                stats[name] += more
+            counted.append({**tests, "fallbacks": queued, "predicate_fallbacks": len(pairs)})
+        for name in stats:
+            stats[name] += sum(tests[name] for tests in counted)
         return np.concatenate(left)
 
-    def _decide(self, light: Light, band: Band, pairs: NDArray[np.int32]) -> NDArray[np.int32]:
-        """The samples of a band, `(n,) int32`, that exact arithmetic finds in shadow by one of the pairs."""
-        found = np.zeros(len(pairs), bool)
-        if len(pairs):
-            samples, light_position = band.samples, light.position.astype(np.float64)
-            decide_pairs(
-                self.scene.positions, self.scene.triangles, light_position, samples.triangle.reshape(-1),
-                samples.barycentric.reshape(-1, 2), samples.side.reshape(-1), pairs, found,
-            )  # fmt: skip
-        return np.unique(pairs[found, 0])
+    def _make_room(self, wanted: int, size: int) -> None:
+        """For as many tasks or pairs as a batch of that size wants; a single triangle has no more than samples."""
+        most = min(self.passes.most // PAIR_BYTES, MOST_TASKS)
+        if wanted <= most:
+            self._room = min(2 * wanted, most)
+        else:
+            self._room, self._batch = most, max(1, size // 2)
+
+    def _decide(
+        self, light: Light, band: Band, pairs: NDArray[np.int32]
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """The samples of a band, `(n,)`, that exact arithmetic finds shadowed, and what arrives there, `(n, 3)`."""
+        if not len(pairs):
+            return np.zeros(0, np.int32), np.zeros((0, 3), np.float32)
+        scene, samples, source = self.scene, band.samples, light.position.astype(np.float64)
+        own, uv, side = samples.triangle.reshape(-1), samples.barycentric.reshape(-1, 2), samples.side.reshape(-1)
+        closed, found = np.ones(len(pairs), bool), np.zeros(len(pairs), bool)
+        if self.table is not None:
+            closed = (self.table.kind == SOLID)[pairs[:, 1]] | self.table.closed[scene.material_id[pairs[:, 1]]]
+        decide_pairs(scene.positions, scene.triangles, source, own, uv, side, pairs, closed, found)
+        pairs, shares = pairs[found], np.zeros((int(found.sum()), 3))
+        if self.table is not None:
+            shares_of_pairs(scene.positions, scene.triangles, self.table, source, own, uv, pairs, shares)
+        shadowed, at = np.unique(pairs[:, 0], return_inverse=True)
+        product = np.ones((len(shadowed), 3))
+        np.multiply.at(product, at, shares)
+        return shadowed, product.astype(np.float32)
 
     def _view(self, camera: Camera) -> dict[str, Any]:
         """The camera for `place.glsl` and `setup.glsl`; q is 1 at a distance that nothing exceeds by much."""

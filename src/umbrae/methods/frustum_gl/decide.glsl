@@ -5,6 +5,10 @@
 #include "tiles.glsl"
 #include "frustum.glsl"
 #include "invocation.glsl"
+#ifdef SEE_THROUGH  // after the others, which it brings as well
+#include "sums.glsl"
+#include "transmission.glsl"
+#endif
 
 #ifdef COMPUTE_SHADER
 layout(std430, binding = 9) buffer Dark { uint dark[]; };
@@ -39,15 +43,23 @@ void main() {
         dvec3 point = surface_point(index, shift);
         dvec3 v[3] = dvec3[3](corner(triangle, 0), corner(triangle, 1), corner(triangle, 2));
         bool outside = false, inside = true;
+        dvec3 sides = dvec3(0.0LF);
         for (int edge = 0; edge < 4; edge++) {
             dvec2 found = edge == 3 ? plane_value(v[0], v[1], v[2], point, shift)
                 : side_value(v[edge], v[(edge + 1) % 3], point, shift);
+            if (edge < 3) sides[edge] = abs(found.x);
             outside = outside || inward * found.x < -found.y;
             inside = inside && inward * found.x > found.y;
         }
         if (outside) continue;
         if (inside) {
+#ifdef SEE_THROUGH
+            // The distances from the side planes are barycentrics, but for their sum (section 3.2).
+            dvec3 share = share_of(triangle, sides.yzx / (sides.x + sides.y + sides.z));
+            for (int i = 0; i < 3; i++) add_steps(3 * place + i, steps_of(share[i]));
+#else
             atomicOr(dark[word], bit);
+#endif
         } else if (!same_triangle(v, own[index])) {
             unsure[atomicAdd(counters[UNDECIDED], 1u)] = ivec2(index, triangle);
         }

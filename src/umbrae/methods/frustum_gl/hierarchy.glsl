@@ -1,23 +1,22 @@
 // One level of the tree: for each node the box around the samples that want a verdict, and a bit for every child that
-// has some. Left out are background and samples that their own triangle shades (Sintorn et al., section 3.5).
+// has some. Left out are background and samples that their own triangle darkens (Sintorn et al., section 3.5).
 
+#include "soup.glsl"
 #include "tiles.glsl"
 #include "frustum.glsl"
 #include "invocation.glsl"
+#ifdef MATERIALS  // after the others, which it brings as well
+#include "transmission.glsl"
+#endif
 
 #ifdef COMPUTE_SHADER
 layout(std430, binding = 2) readonly buffer Facing { int facings[]; };  // of each triangle towards the light
-layout(std430, binding = 5) readonly buffer Sides { uint sides[]; };  // four samples a word
 layout(std430, binding = 6) readonly buffer Places { uvec4 places[]; };
 layout(std430, binding = 7) buffer Boxes { vec4 boxes[]; };  // lowest x, y, q of a node, then highest
 layout(std430, binding = 8) writeonly buffer Present { uint present[]; };
 uniform int level;  // of the nodes that are made
 
 const float BEYOND = 4.0;  // stands for everywhere; see `UNPLACED`
-
-int side_of(int index) {
-    return bitfieldExtract(int(sides[index >> 2]), 8 * (index & 3), 8);
-}
 
 void main() {
     int index = invocation();
@@ -34,7 +33,12 @@ void main() {
 #ifdef LEAVES
         uvec4 place = places[at];
         int triangle = int(place.w);
-        if (triangle < 0 || side_of(sample_of(child)) * facings[triangle] < 0) continue;
+        if (triangle < 0) continue;
+        bool solid = true;
+#ifdef MATERIALS
+        solid = kind_of(triangle) == SOLID;
+#endif
+        if (solid && side_of(sample_of(child)) * facings[triangle] < 0) continue;
         vec3 here = uintBitsToFloat(place.xyz);
         bool placed = here.x < UNPLACED;
         vec3 child_low = placed ? here : vec3(-BEYOND), child_high = placed ? here : vec3(BEYOND);

@@ -1,7 +1,10 @@
-// Verdicts from the tree's words: what is set for a node holds for its children (Sintorn et al., section 3.1).
+// What the tree says of nodes holds for their children (Sintorn et al., section 3.1), down to a verdict for each sample.
 
 #include "tiles.glsl"
 #include "invocation.glsl"
+#ifdef SEE_THROUGH  // after the others, which it brings as well
+#include "sums.glsl"
+#endif
 
 #ifdef COMPUTE_SHADER
 layout(std430, binding = 9) buffer Dark { uint dark[]; };
@@ -10,18 +13,31 @@ layout(std430, binding = 9) buffer Dark { uint dark[]; };
 layout(std430, binding = 3) readonly buffer Own { int own[]; };
 layout(std430, binding = 8) readonly buffer Present { uint present[]; };
 layout(std430, binding = 15) writeonly buffer Verdict { uint verdict[]; };  // a byte for each sample, 1 in shadow
+#ifdef SEE_THROUGH
+layout(std430, binding = 22) writeonly buffer Partial { float partial[]; };  // the light that arrives, three a sample
+#endif
 uniform int count;  // of samples
 
 void main() {
     int first = 4 * invocation();
     if (first >= count) return;
     uint bytes = 0u;
-    for (int i = 0; i < 4; i++) {
-        if (first + i >= count || own[first + i] < 0) continue;
+    for (int i = 0; i < 4 && first + i < count; i++) {
+        bool covered = own[first + i] >= 0;
         int place = place_of(0, node_of_sample(first + i)), word = levels[1].z + place / 32;
-        uint bit = 1u << (place % 32);
-        // One that is left out of the tree is shaded by its own triangle.
-        if (((dark[word] | ~present[word]) & bit) != 0u) bytes |= 1u << (8 * i);
+        // One that is left out of the tree is darkened by its own triangle.
+        bool hidden = covered && ((dark[word] | ~present[word]) >> (place % 32) & 1u) == 1u;
+#ifdef SEE_THROUGH
+        bool lit = false;
+        for (int channel = 0; channel < 3; channel++) {
+            uint sum = covered ? sums[3 * place + channel] : 0u;
+            float share = hidden || sum == OPAQUE ? 0.0 : exp(float(-double(sum) * STEP));
+            partial[3 * (first + i) + channel] = share;
+            lit = lit || share > 0.0;
+        }
+        hidden = !lit;
+#endif
+        if (hidden) bytes |= 1u << (8 * i);
     }
     verdict[invocation()] = bytes;
 }
@@ -31,8 +47,15 @@ uniform int level;  // of the children
 void main() {
     int index = invocation();
     if (index >= levels[level].x * levels[level].y) return;
-    int at = place_of(level, node_of(level, index)) - levels[level].w;
-    if ((dark[levels[level + 1].z + at / 32] >> uint(at % 32) & 1u) != 0u) dark[levels[level].z + index] = 0xffffffffu;
+    int lane;
+    ivec2 node = node_of(level, index), parent = parent_of(level, node, lane);
+#ifdef SEE_THROUGH
+    int to = first_sum(level) + 3 * place_of(level, node), from = first_sum(level + 1) + 3 * place_of(level + 1, parent);
+    for (int i = 0; i < 3; i++) sums[to + i] = sum_of(sums[to + i], sums[from + i]);
+#endif
+    if (level == 0) return;
+    uint word = dark[levels[level + 1].z + number_of(level + 1, parent)];
+    if ((word >> lane & 1u) != 0u) dark[levels[level].z + index] = 0xffffffffu;
 }
 #endif
 #endif

@@ -14,19 +14,28 @@ from umbrae.scene import Scene
 class FrustumGl(Method):
     """Exact shadows of any triangle soup after Sintorn, Olsson and Assarsson 2011, on OpenGL 4.5.
 
-    The samples of a picture are the leaves of a tree of tiles with 32 children each, 8 x 4 and 4 x 8 in turns, and with
-    their bounds in the camera's normalized device coordinates. Each triangle's shadow frustum goes down that tree: a
-    node is rejected, accepted (one bit then darkens all below), or refined. One work group of 32 lanes serves a frustum;
-    lanes exchange what they found through shared memory.
+    Casters may let light through.
+
+    The samples of a picture are the leaves of a tree of tiles with 32 children each, 8 x 4 and 4 x 8 in turns, and
+    with their bounds in the camera's normalized device coordinates. Each triangle's shadow frustum goes down that tree:
+    a node is rejected, accepted (one bit then darkens all below), or refined. A work group of 32 lanes serves a
+    frustum; they exchange what they found through shared memory.
 
     Planes are tested in float32 with derived bounds (`setup.glsl`). The pairs of a sample and a triangle that this
-    leaves open are decided in float64 with the bounds of `geometry.predicates`, and what that leaves open, exactly on the
-    CPU: rasterizers propose, one predicate decides.
+    leaves open are decided in float64 with the bounds of `geometry.predicates`, and what that leaves open, exactly on
+    the CPU: rasterizers propose, one predicate decides.
+
+    Casters that let light through go down after the solid ones, past what those left lit (section 3.2). Where a
+    triangle lets the same share through everywhere, each node that is accepted adds -log of it to a sum for each colour
+    channel, and sums of nodes come down to the samples in the end; where textures or vertex colours decide, they are
+    looked up in float64 for each sample, at barycentrics that are its distances from the side planes.
 
     Deviations from the paper: nodes have bounds in x and y too, those of the samples they hold, since a sample is a
-    point of its triangle that need not lie at a pixel's centre; the silhouette of a frustum seen from the eye is bounded
-    by up to four planes instead of two; there is no bias, as a sample knows its own triangle; groups take frusta from a
-    counter; a node that is full tells its parent.
+    point of its triangle that need not lie at a pixel's centre; the silhouette of a frustum seen from the eye is
+    bounded by up to four planes instead of two; there is no bias, as a sample knows its own triangle; in large pictures
+    each node of 32768 samples that a frustum meets is a task for a group of its own; a node that is full tells its
+    parent; sums are whole numbers that saturate, so that masks do not depend on the order of the work; stochastic
+    transparency is left out.
 
     Options
     -------
@@ -46,7 +55,7 @@ class FrustumGl(Method):
     paper: ClassVar[str] = "Sintorn, Olsson, Assarsson 2011"
     guarantee: ClassVar[Guarantee] = Guarantee.EXACT
     engine: ClassVar[str] = "OpenGL"
-    accepts: ClassVar[tuple[str, ...]] = ("pictures",)
+    accepts: ClassVar[tuple[str, ...]] = ("pictures", "transparency")
 
     def prepare(self, scene: Scene, clock: Clock | None = None) -> FrustumGlCaster:
         return FrustumGlCaster(scene, self.silhouette_planes, self.skip_full, self.front_face_culling, clock)

@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 from umbrae.errors import GraphicsError
 from umbrae.gl.compute import clear, dispatch, groups_of
 from umbrae.gl.context import Session
+from umbrae.methods.frustum_gl.materials import material_arrays
 from umbrae.methods.frustum_gl.tiles import BRANCH, Tiles
 from umbrae.methods.frustum_gl.uploaded import Band
+from umbrae.scene import Scene
+from umbrae.transmission import Transmission
 
 HERE = Path(__file__).parent
 (
@@ -19,11 +22,14 @@ HERE = Path(__file__).parent
     QUEUE, UNSURE, VERDICT,
 ) = range(16)  # fmt: skip
 """Where the shaders find their buffers."""
-SOLIDS, CULLED, FOUND = QUEUE, UNSURE, QUEUE
+SUMS, PARTIAL = 21, 22
+SOLIDS, CULLED, FOUND, SHARES = QUEUE, UNSURE, QUEUE, UNSURE
 """Where those find others that use neither of these."""
 
 FRUSTUM_BYTES = 12 * 16
 PAIR_BYTES = 8
+MOST_TASKS = 256 * 65535
+"""Groups of an indirect dispatch, which has rows of 256."""
 _DECIDERS = 512
 """Groups of 64 that take pairs in turns."""
 _COUNTERS = 18
@@ -46,20 +52,31 @@ class Passes:
     ----------
     session
         The OpenGL context, which must be current whenever a pass runs.
-    positions, triangles
-        The scene's.
+    scene, table
+        The triangles, and what they let through; None when all are solid.
+
+    Raises
+    ------
+    GraphicsError
+        When the driver has no room for them.
     """
 
-    def __init__(self, session: Session, positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> None:
+    def __init__(self, session: Session, scene: Scene, table: Transmission | None) -> None:
         self.session = session
         self.most = session.integer("GL_MAX_SHADER_STORAGE_BLOCK_SIZE")
-        for name, array in (("vertices", positions), ("triangles", triangles)):
+        arrays: dict[int, NDArray[Any]] = {POSITIONS: scene.positions, TRIANGLES: scene.triangles}
+        if table is not None:
+            arrays |= material_arrays(table)
+        for array in arrays.values():
             if array.nbytes > self.most:
                 raise GraphicsError(
-                    f"frustum-gl: {len(array)} {name} need {array.nbytes} bytes in one buffer, this OpenGL driver takes "
-                    f"{self.most}; the method `frustum` needs no such buffer"
+                    f"frustum-gl: an array of this scene has {array.nbytes} bytes, and one buffer of this OpenGL "
+                    f"driver takes {self.most}; the method `frustum` needs no buffers"
                 )
-        self._kept = {POSITIONS: self.buffer(positions), TRIANGLES: self.buffer(triangles)}
+        self._scene = {binding: self.buffer(array) for binding, array in arrays.items()}
+        self._materials: Defines = {} if table is None else {"MATERIALS": 1}
+        self._colored = table is not None and len(table.colors) > 0
+        self._kept: dict[int, Any] = {}
 
     def buffer(self, values: NDArray[Any]) -> Any:
         """A buffer with these values; never empty, which OpenGL does not allow."""
@@ -107,23 +124,41 @@ class Passes:
             PRESENT: self._room(PRESENT, 4 * tiles.words),
         }
         for level in range(1, tiles.depth + 1):
-            leaves: Defines = {"LEAVES": 1} if level == 1 else {}
+            leaves: Defines = {"LEAVES": 1, **self._materials} if level == 1 else {}
             self._run("hierarchy", groups_of(tiles.count(level)), {**tiles.uniforms, "level": level}, buffers, leaves)
         clear(self.session, self._room(DARK, 4 * tiles.words))
+        self.clear_sums(band)
 
-    def boxes(self, tiles: Tiles) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        """What `build` has found: `(nodes, 2, 4)` lowest and highest x, y, q, and `(words,)` which children there are."""
+    def clear_sums(self, band: Band) -> None:
+        """All that casters let through arrives."""
+        if self._materials:
+            clear(self.session, self._room(SUMS, 12 * (band.tiles.places + band.tiles.nodes)))
+
+    def tree(self, tiles: Tiles) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+        """What `build` has found: `(nodes, 2, 4)` lowest and highest x, y, q; `(words,)` which children there are."""
         boxes = np.frombuffer(self._kept[BOXES].read(32 * tiles.nodes), np.float32)
         return boxes.reshape(-1, 2, 4), np.frombuffer(self._kept[PRESENT].read(4 * tiles.words), np.uint32)
 
+    def places(self, band: Band) -> NDArray[np.uint32]:
+        """What `place` has found, `(places, 4)`: the bits of x, y, q, and the own triangle."""
+        return np.frombuffer(band.places.read(), np.uint32).reshape(-1, 4)
+
+    def frusta(self) -> NDArray[np.uint32]:
+        """What `set_up` has made last, `(n, 48)`: see `frustum.glsl`."""
+        count = int(self._count()[0])
+        return np.frombuffer(self._kept[FRUSTA].read(FRUSTUM_BYTES * count), np.uint32).reshape(count, -1)
+
     def set_up(self, count: int, uniforms: Mapping[str, Any], defines: Defines) -> None:
-        """Make the frusta of `count` triangles from number `first` of the uniforms."""
+        """Make the frusta of those of `count` triangles from number `first` that let light through, or do not.
+
+        `first` and `see_through` are among the uniforms.
+        """
         counters = np.zeros(_COUNTERS, np.uint32)
         counters[[_FRUSTA_GROUPS, _TASKS_GROUPS]] = _GROUPS_X
         counters[[_FRUSTA_GROUPS + 2, _TASKS_GROUPS + 2]] = 1
         self._room(COUNTERS, counters.nbytes).write(counters.tobytes())
         buffers = {**self._some(FACING, BOXES, COUNTERS), FRUSTA: self._room(FRUSTA, FRUSTUM_BYTES * count)}
-        self._run("setup", groups_of(count), {**uniforms, "count": count}, buffers, defines)
+        self._run("setup", groups_of(count), {**uniforms, "count": count}, buffers, {**defines, **self._materials})
 
     def traverse(self, band: Band, room: int, uniforms: Mapping[str, Any], defines: Defines) -> None:
         """Send the frusta down the tree."""
@@ -133,6 +168,7 @@ class Passes:
             PLACES: band.places,
             TASKS: self._room(TASKS, PAIR_BYTES * room),
             QUEUE: self._room(QUEUE, PAIR_BYTES * room),
+            **self._sums(),
         }
         given = {**uniforms, "room": room}
         if band.tiles.depth <= BRANCH:
@@ -141,15 +177,16 @@ class Passes:
         self._run("traversal", (counters, 4 * _FRUSTA_GROUPS), given, buffers, {**defines, "PART": "UPPER"})
         self._run("traversal", (counters, 4 * _TASKS_GROUPS), given, buffers, {**defines, "PART": "LOWER"})
 
-    def decide(self, band: Band, room: int, uniforms: Mapping[str, Any]) -> None:
+    def decide(self, band: Band, room: int, uniforms: Mapping[str, Any], defines: Defines) -> None:
         """Decide in float64 what the traversal has left open."""
         buffers = {
             **self._some(DARK, COUNTERS, QUEUE),
             OWN: band.own,
             BARYCENTRICS: band.barycentrics,
             UNSURE: self._room(UNSURE, PAIR_BYTES * room),
+            **self._sums(),
         }
-        self._run("decide", _DECIDERS, {**uniforms, "room": room}, buffers)
+        self._run("decide", _DECIDERS, {**uniforms, "room": room}, buffers, defines)
 
     def counted(self) -> tuple[int, int, NDArray[np.int32], dict[str, int]]:
         """Of the last frusta: tasks, pairs left open by float32, pairs `(p, 2)` left open by float64, tests."""
@@ -161,19 +198,36 @@ class Passes:
         tests = {name: int(counters[at]) + (int(counters[at + 1]) << 32) for name, at in _COUNTED.items()}
         return int(counters[1]), int(counters[2]), pairs, tests
 
-    def merge(self, band: Band, found: NDArray[np.int32]) -> Any:
-        """A buffer with the verdicts, a byte for each sample: what the tree says, and those `found (n,)` besides."""
+    def merge(self, band: Band, samples: NDArray[np.int32], shares: NDArray[np.float32]) -> tuple[Any, Any]:
+        """Buffers with a byte for each sample, 1 in shadow, and with the light that arrives; None if all are solid.
+
+        To what the tree says come `shares (n, 3)` of light that `samples (n,)` get besides.
+        """
         tiles, size = band.tiles, -(-band.samples.size // 4) * 4
-        words = self._some(DARK, PRESENT)
-        for level in reversed(range(1, tiles.depth)):
-            self._run("merge", groups_of(tiles.count(level)), {**tiles.uniforms, "level": level}, words)
-        verdict = self.reserve(size)
-        uniforms = {**tiles.uniforms, "count": band.samples.size}
-        self._run("merge", groups_of(size // 4), uniforms, {**words, OWN: band.own, VERDICT: verdict}, {"VERDICTS": 1})
-        if len(found):
-            buffers = {FOUND: self.buffer(found), VERDICT: verdict}
-            self._run("mark", groups_of(len(found)), {"count": len(found)}, buffers)
-        return verdict
+        given, through = {**self._some(DARK, PRESENT), **self._sums()}, self._through
+        count = {**tiles.uniforms, "count": band.samples.size}
+        if through:
+            buffers = {**self._some(FACING), **given, OWN: band.own, BARYCENTRICS: band.barycentrics, SIDES: band.sides}
+            self._run("own_share", groups_of(band.samples.size), count, buffers)
+        for level in reversed(range(0 if through else 1, tiles.depth)):
+            self._run("merge", groups_of(tiles.count(level)), {**tiles.uniforms, "level": level}, given, through)
+        made = {VERDICT: self.reserve(size)}
+        if through:
+            made[PARTIAL] = self.reserve(12 * band.samples.size)
+        self._run("merge", groups_of(size // 4), count, {**given, **made, OWN: band.own}, {"VERDICTS": 1, **through})
+        if len(samples):
+            buffers = {**made, FOUND: self.buffer(samples)}
+            if through:
+                buffers[SHARES] = self.buffer(shares)
+            self._run("mark", groups_of(len(samples)), {"count": len(samples)}, buffers, through)
+        return made[VERDICT], made.get(PARTIAL)
+
+    @property
+    def _through(self) -> Defines:
+        return {"SEE_THROUGH": 1} if self._materials else {}
+
+    def _sums(self) -> dict[int, Any]:
+        return self._some(SUMS) if self._materials else {}
 
     def _run(
         self,
@@ -183,8 +237,8 @@ class Passes:
         buffers: Mapping[int, Any],
         defines: Defines | None = None,
     ) -> None:
-        given = {**self._some(POSITIONS, TRIANGLES), **buffers}
-        dispatch(self.session, HERE / f"{name}.glsl", groups, uniforms, given, defines)
+        given = {**uniforms, "colored": self._colored}
+        dispatch(self.session, HERE / f"{name}.glsl", groups, given, {**self._scene, **buffers}, defines)
 
     def _some(self, *bindings: int) -> dict[int, Any]:
         return {binding: self._kept[binding] for binding in bindings}

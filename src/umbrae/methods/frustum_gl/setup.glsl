@@ -20,6 +20,10 @@
 #include "tiles.glsl"
 #include "frustum.glsl"
 #include "invocation.glsl"
+#ifdef MATERIALS  // after the others, which it brings as well
+#include "transmission.glsl"
+#include "steps.glsl"
+#endif
 
 #ifdef COMPUTE_SHADER
 layout(std430, binding = 2) readonly buffer Facing { int facings[]; };
@@ -30,6 +34,7 @@ uniform dvec3 eye;
 uniform dvec3 columns[3];  // R, U, F
 uniform double unit, reach;  // of q; the largest coordinate
 uniform int first, count;
+uniform bool see_through;  // whether the triangles that let light through are wanted, or those that do not
 
 const double ROUNDING = 1.9073486328125e-06LF;  // 2^-19
 const double PLACED = 1.1368683772161603e-13LF;  // 2^-43
@@ -77,6 +82,17 @@ void main() {
     if (index >= count) return;
     int triangle = first + index, side = facings[triangle];
     if (abs(side) != 1) return;
+    bool uneven = false;
+    uvec3 steps = uvec3(0u);
+#ifdef MATERIALS
+    int kind = kind_of(triangle);
+    if (kind == CLEAR || (kind != SOLID) != see_through) return;
+    uneven = kind == VARYING;
+    if (kind == EVEN) {
+        dvec3 share = share_of(triangle, dvec3(0.0LF));
+        steps = uvec3(steps_of(share.x), steps_of(share.y), steps_of(share.z));
+    }
+#endif
     dvec3 v[3] = dvec3[3](corner(triangle, 0), corner(triangle, 1), corner(triangle, 2));
     double inward = double(-side);
     Plane planes[4];
@@ -125,6 +141,6 @@ void main() {
     for (int i = 0; i < 4; i++) frusta[row + 6 + i] = floatBitsToUint(frustum.outline[i]);
     frusta[row + 10] = floatBitsToUint(frustum.outline_q);
 #endif
-    frusta[row + 11] = uvec4(caster_of(triangle, side), 0, 0, 0);
+    frusta[row + 11] = uvec4(caster_of(triangle, uneven, side), steps);
 }
 #endif

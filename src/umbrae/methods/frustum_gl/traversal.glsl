@@ -5,9 +5,15 @@
 // a node at level BRANCH that meet; a group for each then goes down the LOWER part. That spreads large frusta over many
 // groups, and keeps loops short: a task visits at most 1 + 32 + 32 * 32 nodes. (Mesa's software driver ends loops after
 // 65535 rounds, all those of an invocation together, without a word.)
+//
+// Casters that are SEE_THROUGH add to a node's sums what they let through, if that is the same everywhere; else they go
+// on to the samples inside, without tests, and leave them to decide.glsl (section 3.2).
 
 #include "tiles.glsl"
 #include "frustum.glsl"
+#ifdef SEE_THROUGH  // after the others, which it brings as well
+#include "sums.glsl"
+#endif
 
 #define WHOLE 0
 #define UPPER 1
@@ -21,7 +27,7 @@ layout(std430, binding = 8) readonly buffer Present { uint present[]; };
 layout(std430, binding = 9) coherent buffer Dark { uint dark[]; };
 layout(std430, binding = 10) readonly buffer Frusta { uvec4 frusta[]; };
 layout(std430, binding = 11) buffer Counters { uint counters[]; };
-layout(std430, binding = 12) buffer Tasks { ivec2 tasks[]; };  // frusta, and numbers of nodes at level BRANCH
+layout(std430, binding = 12) buffer Tasks { ivec2 tasks[]; };  // a frustum, and a node at level BRANCH: see `add_task`
 layout(std430, binding = 13) writeonly buffer Queue { ivec2 queue[]; };  // places and casters that float32 leaves open
 uniform uint room;  // for tasks, and in the queue
 
@@ -35,6 +41,9 @@ const int TURNS = 3;  // see `exchange`
 
 shared uint refined[TURNS], accepted[TURNS];
 shared uint waiting[MAX_LEVELS * 32];  // children still to be visited: for each level, one copy a lane
+#ifdef SEE_THROUGH
+shared uint sure[MAX_LEVELS * 32];  // those of them that are surely inside
+#endif
 shared uint tests[4];
 
 Frustum frustum_at(uint index) {
@@ -59,6 +68,7 @@ void exchange(int turn, uint lane, int verdict) {
     }
     if (verdict == REFINE) atomicOr(refined[turn], 1u << lane);
     if (verdict == ACCEPT) atomicOr(accepted[turn], 1u << lane);
+    memoryBarrierShared();
     barrier();
 }
 
@@ -81,11 +91,14 @@ void count_up(int counter, uint amount) {
     if (atomicAdd(counters[counter], amount) > 0xffffffffu - amount) atomicAdd(counters[counter + 1], 1u);
 }
 
+#ifdef SEE_THROUGH
+#endif
+
 // What has no room is counted all the same.
-void add_task(uint frustum, int node) {
+void add_task(uint frustum, int node, bool inside) {
     uint place = atomicAdd(counters[TASKS], 1u);
     if (place >= room) return;
-    tasks[place] = ivec2(int(frustum), node);
+    tasks[place] = ivec2(int(frustum), 2 * node + (inside ? 1 : 0));
     atomicMax(counters[TASKS_GROUPS + 1], place / GROUPS_X + 1u);
 }
 
@@ -99,30 +112,32 @@ void main() {
 #if PART == LOWER
     if (group >= min(counters[TASKS], room)) return;
     uint index = uint(tasks[group].x);
-    int start = BRANCH;
-    ivec2 node = node_of(BRANCH, tasks[group].y);
+    int start = BRANCH, certain = (tasks[group].y & 1) == 1 ? BRANCH : 0;
+    ivec2 node = node_of(BRANCH, tasks[group].y >> 1);
 #else
     if (group >= counters[FRUSTA]) return;
     uint index = group;
-    int start = depth;
+    int start = depth, certain = 0;  // all nodes up to that level are inside
     ivec2 node = ivec2(0);
 #endif
     if (lane < uint(TURNS)) refined[lane] = accepted[lane] = 0u;
     if (lane < 4u) tests[lane] = 0u;
+    memoryBarrierShared();
     barrier();
     Frustum frustum = frustum_at(index);
-    int caster = int(frusta[ROWS * index + 11].x), level = start, turn = 0;
+    uvec4 nature = frusta[ROWS * index + 11];
+    int caster = int(nature.x), level = start, turn = 0;
     uint tile_tests = 0u, sample_tests = 0u, accepts = 0u, rejects = 0u;
     while (true) {
         int number = number_of(level, node), word = levels[level].z + number;
+        int at = levels[level - 1].w + 32 * number + int(lane);
+        bool leaf = level == 1, inside = level <= certain;
         uint open = present[word];
 #ifdef SKIP_FULL
         open &= ~dark[word];
 #endif
         int verdict = REJECT;
-        bool leaf = level == 1;
         if ((open >> lane & 1u) != 0u) {
-            int at = levels[level - 1].w + 32 * number + int(lane);
             vec3 low, high;
             bool mine = false;
             if (leaf) {
@@ -134,24 +149,40 @@ void main() {
                 low = boxes[2 * at].xyz;
                 high = boxes[2 * at + 1].xyz;
             }
-            if (!mine) verdict = test(frustum, low, high);
-            tile_tests += leaf ? 0u : 1u;
-            sample_tests += leaf && !mine ? 1u : 0u;
-            accepts += verdict == ACCEPT ? 1u : 0u;
-            rejects += verdict == REJECT && !mine ? 1u : 0u;
-            if (verdict == REFINE) {
-#if PART != UPPER
-                if (leaf) add_pair(at, caster);
-#else
-                if (level == BRANCH + 1) add_task(index, number_of(BRANCH, child_of(level, node, lane)));
-#endif
+            if (!mine) verdict = inside ? ACCEPT : test(frustum, low, high);
+            if (!mine && !inside) {
+                tile_tests += leaf ? 0u : 1u;
+                sample_tests += leaf ? 1u : 0u;
+                accepts += verdict == ACCEPT ? 1u : 0u;
+                rejects += verdict == REJECT ? 1u : 0u;
             }
+            bool onward = verdict == REFINE;
+#ifdef SEE_THROUGH
+            if (verdict == ACCEPT && !is_uneven(caster)) {
+                int first = first_sum(level - 1) + 3 * at;
+                for (int i = 0; i < 3; i++) add_steps(first + i, nature[i + 1]);
+            }
+            onward = onward || (verdict == ACCEPT && is_uneven(caster));
+#endif
+#if PART == UPPER
+            if (onward && level == BRANCH + 1) {
+                add_task(index, number_of(BRANCH, child_of(level, node, lane)), verdict == ACCEPT);
+            }
+#else
+            if (onward && leaf) add_pair(at, caster);
+#endif
         }
         exchange(turn, lane, verdict);
         uint refine = refined[turn], accept = accepted[turn];
-        if (level == LAST) refine = 0u;
         turn = (turn + 1) % TURNS;
+#ifdef SEE_THROUGH
+        if (!is_uneven(caster)) accept = 0u;
+        refine |= accept;
+        sure[32 * level + int(lane)] = accept;
+#else
         if (lane == 0u && accept != 0u) set_dark(level, node, accept);
+#endif
+        if (level == LAST) refine = 0u;
         // The next node: the first child that waits, of this one or of the nearest one above.
         while (refine == 0u && level < start) {
             level++;
@@ -159,14 +190,19 @@ void main() {
             refine = waiting[32 * level + int(lane)];
         }
         if (refine == 0u) break;
+        uint child = uint(findLSB(refine));
         waiting[32 * level + int(lane)] = refine & (refine - 1u);
-        node = child_of(level, node, uint(findLSB(refine)));
+#ifdef SEE_THROUGH
+        if (level > certain) certain = (sure[32 * level + int(lane)] >> child & 1u) == 1u ? level - 1 : 0;
+#endif
+        node = child_of(level, node, child);
         level--;
     }
     atomicAdd(tests[0], tile_tests);
     atomicAdd(tests[1], sample_tests);
     atomicAdd(tests[2], accepts);
     atomicAdd(tests[3], rejects);
+    memoryBarrierShared();
     barrier();
     if (lane == 0u) {
         count_up(TILE_TESTS, tests[0]);
