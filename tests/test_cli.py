@@ -259,7 +259,7 @@ BAD = {
     "render roof.glb --counting zpass": "method frustum has no option counting (it has: light_samples, ",
     "render roof.glb --method silhouette-cpu --counting zpas": "wanted one of auto, zpass, zfail, got 'zpas'",
     "render roof.glb --method silhouette-cpu --counter x": "wanted one of auto, stencil, float, got 'x'",
-    "render roof.glb --method oracle --determinism none": "method oracle has no option determinism (it has: light", ,
+    "render roof.glb --method oracle --determinism none": "method oracle has no option determinism (it has: light",
     "render roof.glb --show count": "--show count: method frustum has no volumes (these have: silhouette-cpu",
     "render roof.glb --method silhouette-cpu --show lines": "'--show': wanted count or volumes, got 'lines'",
     "render roof.glb --method silhouette-cpu --show count --sun 1,2 --light 1,2,3": "wanted one light, got 2",
