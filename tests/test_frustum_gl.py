@@ -182,7 +182,7 @@ def test_planes_say_nothing_that_is_wrong(opengl, kind):
     said = decided = 0
     for row in rows[::5]:
         planes, caster = row[:24].view(np.float32), int(row[44])
-        t, toward = caster >> 1, facing[caster >> 1]
+        t, toward = caster >> 2, facing[caster >> 2]
         assert (caster & 1) == (toward > 0)
         corners = [[Fraction(float(x)) for x in scene.positions[v]] for v in scene.triangles[t]]
         for s, where in enumerate(chosen):
