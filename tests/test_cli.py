@@ -185,7 +185,7 @@ BAD = {
     "render roof.glb --eye 1,2,3 --target 1,2,3": "eye and target are the same point",
     "render roof.glb --method frustrum": "unknown method 'frustrum'; did you mean 'frustum'? (known: oracle",
     "render roof.glb --samples-per-pixel 0": "'--samples-per-pixel'",
-    "render roof.glb --counting zpass": "method frustum has no option counting (it has: front_face_culling)",
+    "render roof.glb --counting zpass": "method frustum has no option counting (it has: front_face_culling, ",
     "render roof.glb --method silhouette-cpu --counting zpas": "wanted one of auto, zpass, zfail, got 'zpas'",
     "render roof.glb --method silhouette-cpu --counter x": "wanted one of auto, stencil, float, got 'x'",
     "render roof.glb --method oracle --determinism none": "method oracle has no option determinism (it has: tree)",
