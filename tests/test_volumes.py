@@ -188,6 +188,23 @@ def test_scenes_that_let_light_through_are_refused_unless_taken_as_solid(method)
 
 
 @pytest.mark.parametrize("method", VOLUMES)
+def test_samples_behind_what_casts_as_solid_are_counted_from_behind(method):
+    """What is seen through holes and glass, under the shadows of the same surfaces without: no ray is clear."""
+    scene = models.pavilion()
+    light, seen = models.pavilion_light(), um.sample_layers(scene, models.pavilion_camera(96, 64))
+    solid = scene.opaque()
+    caster = METHODS[method]().prepare(solid)
+    for layer in seen:
+        mask = caster.shadow(light, layer)
+        assert mask.stats["zfail"] == 1
+        assert verify(solid, light, layer, mask).ok
+    with pytest.raises(
+        OptionError, match="counting='zpass' cannot be trusted here: the samples are of a scene that lets"
+    ):
+        METHODS[method](counting="zpass").prepare(solid).shadow(light, seen[0])
+
+
+@pytest.mark.parametrize("method", VOLUMES)
 def test_points_and_parts_of_pictures_are_refused_by_name(method):
     soup = SOUPS["cube"]
     caster = METHODS[method]().prepare(soup.scene)

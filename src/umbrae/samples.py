@@ -41,6 +41,8 @@ class ViewSamples:
     throughput
         `(..., 3) float32`, of an image sampled stochastically: what the light that is shed at a sample counts, per
         colour channel, so that on average a pixel's samples see what lies behind transparent surfaces.
+    looks_through
+        Whether surfaces of the scene may lie between the eye and the samples of an image: it lets light through.
     """
 
     triangle: NDArray[np.int32]
@@ -51,6 +53,7 @@ class ViewSamples:
     depth: NDArray[np.float32] | None = None
     camera: Camera | None = None
     throughput: NDArray[np.float32] | None = None
+    looks_through: bool = False
 
     def __post_init__(self) -> None:
         instance(self.triangle, np.ndarray, "ViewSamples.triangle")
@@ -178,6 +181,7 @@ class ViewSamples:
             depth=None if self.depth is None else self.depth[start:stop],
             camera=self.camera,
             throughput=None if self.throughput is None else self.throughput[start:stop],
+            looks_through=self.looks_through,
         )
 
     def take(self, index: NDArray[np.intp]) -> "ViewSamples":

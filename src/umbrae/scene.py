@@ -135,10 +135,7 @@ class Scene:
         return _frozen(np.stack([points.min(axis=0), points.max(axis=0)]))
 
     def opaque(self) -> "Scene":
-        """The same scene with every material opaque: no holes, nothing seen through, nothing lets light through.
-
-        It wants samples of its own: those of this scene may lie behind what is solid there.
-        """
+        """The same scene with every material opaque: no holes, nothing seen through, nothing lets light through."""
         if all(material.casts_solid for material in self.materials):
             return self
         solid = [replace(material, alpha_mode="OPAQUE", transmission=0.0) for material in self.materials]

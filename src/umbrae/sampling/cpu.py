@@ -88,4 +88,4 @@ def sample(scene: Scene, camera: Camera, samples_per_pixel: int = 1, clock: Cloc
     bands = Bands.of(scene, camera, picture)
     seen, floor = Seen.of(picture), Floor.before_all(picture)
     run(lambda index: bands.draw(index, floor, seen.rows(picture, *bands.rows(index))), bands.tasks, clock)
-    return seen.samples(camera)
+    return seen.samples(scene, camera)

@@ -95,7 +95,7 @@ def sample_gl(scene: Scene, camera: Camera, samples_per_pixel: int = 1, clock: C
 
             run(band, len(begin) - 1, clock)
         if not refused.any():
-            return seen.samples(camera)
+            return seen.samples(scene, camera)
         proposed &= ~refused
         exact |= refused
         refused[:] = False

@@ -78,7 +78,7 @@ def sample_layers(
             layer(number).rows(picture, top, bottom).put(part, slice(None))
 
     run(band, bands.tasks, clock)
-    return tuple(seen.samples(camera) for seen in found)
+    return tuple(seen.samples(scene, camera) for seen in found)
 
 
 def check_layers(layers: int) -> None:

@@ -14,6 +14,7 @@ from umbrae.samples import ViewSamples
 from umbrae.sampling.bands import Geometry, Picture, corners
 from umbrae.sampling.coverage import barycentric as barycentric_at
 from umbrae.scene import Scene
+from umbrae.transmission import transmission_of
 
 _BAND_ROWS = 16
 _BAND_SAMPLES = 1 << 18
@@ -79,7 +80,7 @@ class Seen(NamedTuple):
         self.barycentric[where], self.position[where] = other.barycentric[where], other.position[where]
         self.depth[where] = other.depth[where]
 
-    def samples(self, camera: Camera, throughput: NDArray[np.float32] | None = None) -> ViewSamples:
+    def samples(self, scene: Scene, camera: Camera, throughput: NDArray[np.float32] | None = None) -> ViewSamples:
         """The picture that the camera sees."""
         per_pixel = len(self.triangle) // (camera.width * camera.height)
         shape = (camera.height, camera.width) if per_pixel == 1 else (camera.height, camera.width, per_pixel)
@@ -92,6 +93,7 @@ class Seen(NamedTuple):
             depth=self.depth.reshape(shape),
             camera=camera,
             throughput=None if throughput is None else throughput.reshape(*shape, 3),
+            looks_through=transmission_of(scene) is not None,
         )
 
 

@@ -93,7 +93,7 @@ def sample_stochastic(
             part.put(behind, floor.depth < np.inf)
 
     run(band, bands.tasks, clock)
-    return seen.samples(camera, throughput)
+    return seen.samples(scene, camera, throughput)
 
 
 def check_seed(seed: int) -> None:

@@ -209,7 +209,7 @@ class VolumeCaster(Caster):
         per_pixel, bits = count.shape[2], current.integer("GL_SUBPIXEL_BITS")
         with clock.span("eye"):
             casting = self.casting(light)
-            behind, start, camera = self._counting(light, camera, rounding, casting)
+            behind, start, camera = self._counting(light, camera, rounding, casting, samples.looks_through)
         end = far_plane(self.scene, camera, light, self.mesh.scale)
         frames = [
             Frame(
@@ -251,7 +251,12 @@ class VolumeCaster(Caster):
         return self.method.counter == "stencil"
 
     def _counting(
-        self, light: Light, camera: Camera, rounding: Rounding, casting: NDArray[np.bool_] | None
+        self,
+        light: Light,
+        camera: Camera,
+        rounding: Rounding,
+        casting: NDArray[np.bool_] | None,
+        looks_through: bool,
     ) -> tuple[bool, int, Camera]:
         """Whether to count behind the samples, where the counter starts, and a camera that stands on no face.
 
@@ -261,13 +266,19 @@ class VolumeCaster(Caster):
         scene, distance = self.scene, rounding.world + rounding.turned
         triangles = scene.triangles if casting is None else scene.triangles[self.mesh.source[casting]]
         held = count_at_eye(scene.positions, triangles, light.position, camera.eye, distance)
+        if looks_through and self.method.counting == "zpass":
+            raise OptionError(
+                f"{self.method.name}: counting='zpass' cannot be trusted here: the samples are of a scene that lets "
+                "light through, so surfaces may lie before them; 'auto' takes zfail"
+            )
         if not held.clear and self.method.counting == "zpass":
             raise OptionError(
                 f"{self.method.name}: counting='zpass' cannot be trusted here: the eye is within {distance:.3g} of a "
                 "shadow volume's face; 'auto' takes zfail"
             )
         if held.clear:
-            return (True, 0, camera) if self.method.counting == "zfail" else (False, held.volumes, camera)
+            behind = looks_through or self.method.counting == "zfail"
+            return (True, 0, camera) if behind else (False, held.volumes, camera)
         for direction in _ASIDE:
             moved = dataclasses.replace(camera, eye=camera.eye + rounding.world * np.array(direction))
             if count_at_eye(scene.positions, triangles, light.position, moved.eye, rounding.world / 8).clear:
