@@ -22,12 +22,13 @@ def compile_kernels(
     clock: Clock,
     transparent: bool = False,
     stochastic: int | None = None,
+    area: bool = False,
 ) -> None:
     """Compile what a rendering with these methods needs, or load it from the cache; raises what hinders one of them.
 
-    `transparent` for a scene that lets light through, `stochastic` as for `render`.
+    `transparent` for a scene that lets light through, `stochastic` as for `render`, `area` for a light with a size.
     """
-    for hindrance in try_out(methods, samples_per_pixel, clock, transparent, stochastic):
+    for hindrance in try_out(methods, samples_per_pixel, clock, transparent, stochastic, area):
         if hindrance is not None:
             raise hindrance
 
@@ -38,6 +39,7 @@ def try_out(
     clock: Clock,
     transparent: bool = False,
     stochastic: int | None = None,
+    area: bool = False,
 ) -> list[Exception | None]:
     """Let each method render next to nothing, which compiles it; returns for each what hinders it, None if nothing.
 
@@ -47,7 +49,7 @@ def try_out(
         pool = ThreadPoolExecutor(1)
         try:
             work = pool.submit(
-                lambda: [_hindrance(method, samples_per_pixel, transparent, stochastic) for method in methods]
+                lambda: [_hindrance(method, samples_per_pixel, transparent, stochastic, area) for method in methods]
             )
             if not wait([work], timeout=3.0).done and isinstance(clock, ConsoleClock):
                 note(
@@ -60,19 +62,22 @@ def try_out(
             pool.shutdown(wait=False)
 
 
-def _hindrance(method: Method, samples_per_pixel: int, transparent: bool, stochastic: int | None) -> Exception | None:
+def _hindrance(
+    method: Method, samples_per_pixel: int, transparent: bool, stochastic: int | None, area: bool
+) -> Exception | None:
     """Everything once on next to nothing: smooth normals, a texture, a mask or glass."""
     corners = [(-1, 0, 1), (1, 0, 1), (0, 0, -1), (-1, 1, 1), (1, 1, 1), (0, 1, -1)]
     texture = np.full((2, 2, 4), 255, np.uint8)
     leaf = Material(alpha_mode="MASK", texture=texture)
-    if transparent:
+    if transparent and "transparency" in method.accepts:
         texture[0, 0] = 128
         leaf = Material(alpha_mode="BLEND", texture=texture, transmission=0.5)
     up, flat = [(0, 1, 0)] * 6, [(0, 0)] * 6
     tiny = Scene(corners, [(0, 1, 2), (3, 4, 5)], [leaf], normals=up, uv=flat)
     camera = Camera.frame(tiny, width=16, height=16)
     try:
-        render(tiny, camera, [Light.sun(120, 60)], method, samples_per_pixel, stochastic=stochastic)
+        sun = Light.sun(120, 60, angular_diameter=0.5 if area else 0.0)
+        render(tiny, camera, [sun], method, samples_per_pixel, stochastic=stochastic)
     except Exception as error:
         return error
     return None

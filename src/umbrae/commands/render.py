@@ -122,7 +122,8 @@ def render(
     scene = load(model, clock, written, opaque)
     camera = arguments.camera(scene, view, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up, light_radius, sun_diameter)
-    compile_kernels([algorithm], samples_per_pixel, clock, transmission_of(scene) is not None, chances)
+    soft = any(one.is_area for one in lights)
+    compile_kernels([algorithm], samples_per_pixel, clock, transmission_of(scene) is not None, chances, soft)
     if show is not None:
         image = figure(show, scene, camera, lights[0], algorithm, samples_per_pixel, up, clock)
     else:
