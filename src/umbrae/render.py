@@ -91,7 +91,7 @@ def render(
     shining = _lights(lights, camera, up)
     algorithm = make_method(method)
     check_layers(layers)
-    filtered = _is_filtered(antialiasing, samples_per_pixel, algorithm)
+    filtered = is_filtered(antialiasing, samples_per_pixel, algorithm)
     with clock.span("sample"):
         if stochastic is not None:
             found: tuple[ViewSamples, ...] = (sample_stochastic(scene, camera, samples_per_pixel, stochastic, clock),)
@@ -118,7 +118,7 @@ def render(
     return Image(pixels, found[0], masks[0], found[1:], tuple(masks[1:]))
 
 
-def _is_filtered(antialiasing: str, samples_per_pixel: int, method: Method) -> bool:
+def is_filtered(antialiasing: str, samples_per_pixel: int, method: Method) -> bool:
     """Whether shadows are filtered; refuses what filtering cannot work with."""
     if antialiasing not in ANTIALIASING:
         raise OptionError(f"antialiasing: wanted one of {', '.join(ANTIALIASING)}, got {shown(antialiasing)}")

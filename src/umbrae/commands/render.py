@@ -1,5 +1,6 @@
 """`umbrae render`: a picture with exact shadows, masks, arrays; or a figure of the shadow volumes."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -37,6 +38,7 @@ from umbrae.options import (
     Up,
     given,
 )
+from umbrae.render import is_filtered
 from umbrae.shade import mask_image
 from umbrae.transmission import transmission_of
 from umbrae.warmup import compile_kernels
@@ -105,6 +107,9 @@ def render(
     algorithm = make_method(
         method, **given(counting=counting, determinism=determinism, counter=counter, light_samples=light_samples)
     )
+    is_filtered(antialiasing, samples_per_pixel, algorithm)
+    if not 0.0 < filter_width < math.inf:
+        raise OptionError(f"--filter-width: wanted a number of pixels > 0, got {filter_width}")
     chances = _chances(stochastic, seed, samples_per_pixel, show)
     if chances is not None and "transparency" in algorithm.options():
         algorithm = make_method(algorithm, transparency="stochastic", seed=chances)
