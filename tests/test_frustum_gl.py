@@ -288,7 +288,7 @@ def test_an_eye_in_shadow_and_one_at_the_light(spheres):
 @pytest.mark.parametrize("name", ["coplanar_overlap", "cube", "mixed_scales"])
 def test_what_float64_leaves_open_is_decided_exactly(name):
     soup = SOUPS[name]
-    samples = sample(soup.scene, Camera.look_at(soup.eye, soup.target, fov_y=60, width=64, height=48))
+    samples = sample(soup.scene, Camera.look_at(soup.eye, soup.target, fov_y=60, width=40, height=30))
     a, b, c = soup.scene.positions[soup.scene.triangles[-1]].astype(float)
     asked = 0
     for light in (Light.point(a + 2 * (b - a) + 4 * (c - a)), Light.point(a), light_over(soup.scene)):
@@ -298,7 +298,8 @@ def test_what_float64_leaves_open_is_decided_exactly(name):
     assert asked > 0 or name != "coplanar_overlap"
 
 
-def test_samples_that_the_picture_does_not_hold_are_asked_all_the_same(spheres):
+def test_samples_that_the_picture_does_not_hold_are_asked_all_the_same():
+    spheres = models.spheres((2, 2), 200)
     # A triangle so large that its barycentrics step over many pixels beside the eye.
     ground = np.array([[-4e6, 0, -4e6], [4e6, 0, -4e6], [0, 0, 6e6]], np.float32)
     scene = Scene(
@@ -341,6 +342,8 @@ def test_samples_are_uploaded_once_for_many_lights(opengl, spheres):
             found = np.frombuffer(on_gpu.verdicts[0].read(samples.size), np.uint8)
         np.testing.assert_array_equal(found.reshape(samples.shape), truth)
         np.testing.assert_array_equal(on_gpu.mask().in_shadow, truth)
+    with pytest.raises(InputError, match="uploaded by another caster"):
+        prepared(spheres).shadow_on_gpu(light, uploads)
 
 
 def test_stages_are_spans_with_times_of_the_gpu(spheres):
