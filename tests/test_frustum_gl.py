@@ -550,3 +550,29 @@ def test_a_thousand_veils_are_a_product():
         found = mask.partial[samples.covered]
         np.testing.assert_allclose(found, np.full(found.shape, (1 - alpha) ** count), rtol=0, atol=1e-5)
         assert not mask.in_shadow.any(), "hardly anything is not nothing"
+
+
+def test_what_is_surely_inside_a_textured_caster_is_not_tested():
+    corners = np.array([[-30, 0, -30], [30, 0, -30], [0, 0, 60]], np.float32)
+    ground = Scene(corners, [[0, 2, 1]])
+    samples = sample(ground, Camera.look_at((0, 4, -5), (0, 0, 0), width=300, height=150))
+    scene = Scene(
+        np.concatenate([corners, corners * 3 + np.array([0, 9, 0])]),
+        [[0, 2, 1], [3, 5, 4]],
+        [MATERIALS["solid"], MATERIALS["printed"]],
+        [0, 1],
+        uv=np.arange(12).reshape(6, 2) / 4,
+    )
+    mask = prepared(scene).shadow(Light.point((1, 50, 2)), samples)
+    assert mask.stats["fallbacks"] == samples.covered.sum()
+    assert mask.stats["sample_frustum_tests"] < samples.covered.sum() // 4
+    few = np.random.default_rng(0).choice(np.flatnonzero(samples.covered), 300, replace=False)
+    truth = arriving(scene, Light.point((1, 50, 2)), samples.take(few))
+    np.testing.assert_allclose(mask.partial.reshape(-1, 3)[few], truth, rtol=0, atol=1e-5)
+
+
+def test_equal_triangles_are_one_surface_without_exact_arithmetic(spheres):
+    twice = Scene(spheres.positions, np.concatenate([spheres.triangles, spheres.triangles[:, [1, 0, 2]]]))
+    samples = picture_of(twice, 60, 40)
+    mask = same_as_the_cpu(twice, light_over(twice), samples)
+    assert mask.stats["fallbacks"] > 100 and mask.stats["predicate_fallbacks"] == 0
