@@ -288,7 +288,7 @@ def test_an_eye_in_shadow_and_one_at_the_light(spheres):
 @pytest.mark.parametrize("name", ["coplanar_overlap", "cube", "mixed_scales"])
 def test_what_float64_leaves_open_is_decided_exactly(name):
     soup = SOUPS[name]
-    samples = sample(soup.scene, Camera.look_at(soup.eye, soup.target, fov_y=60, width=64, height=48))
+    samples = sample(soup.scene, Camera.look_at(soup.eye, soup.target, fov_y=60, width=40, height=30))
     a, b, c = soup.scene.positions[soup.scene.triangles[-1]].astype(float)
     asked = 0
     for light in (Light.point(a + 2 * (b - a) + 4 * (c - a)), Light.point(a), light_over(soup.scene)):
@@ -298,7 +298,8 @@ def test_what_float64_leaves_open_is_decided_exactly(name):
     assert asked > 0 or name != "coplanar_overlap"
 
 
-def test_samples_that_the_picture_does_not_hold_are_asked_all_the_same(spheres):
+def test_samples_that_the_picture_does_not_hold_are_asked_all_the_same():
+    spheres = models.spheres((2, 2), 200)
     # A triangle so large that its barycentrics step over many pixels beside the eye.
     ground = np.array([[-4e6, 0, -4e6], [4e6, 0, -4e6], [0, 0, 6e6]], np.float32)
     scene = Scene(
@@ -341,6 +342,8 @@ def test_samples_are_uploaded_once_for_many_lights(opengl, spheres):
             found = np.frombuffer(on_gpu.verdicts[0].read(samples.size), np.uint8)
         np.testing.assert_array_equal(found.reshape(samples.shape), truth)
         np.testing.assert_array_equal(on_gpu.mask().in_shadow, truth)
+    with pytest.raises(InputError, match="uploaded by another caster"):
+        prepared(spheres).shadow_on_gpu(light, uploads)
 
 
 def test_stages_are_spans_with_times_of_the_gpu(spheres):
@@ -547,3 +550,29 @@ def test_a_thousand_veils_are_a_product():
         found = mask.partial[samples.covered]
         np.testing.assert_allclose(found, np.full(found.shape, (1 - alpha) ** count), rtol=0, atol=1e-5)
         assert not mask.in_shadow.any(), "hardly anything is not nothing"
+
+
+def test_what_is_surely_inside_a_textured_caster_is_not_tested():
+    corners = np.array([[-30, 0, -30], [30, 0, -30], [0, 0, 60]], np.float32)
+    ground = Scene(corners, [[0, 2, 1]])
+    samples = sample(ground, Camera.look_at((0, 4, -5), (0, 0, 0), width=300, height=150))
+    scene = Scene(
+        np.concatenate([corners, corners * 3 + np.array([0, 9, 0])]),
+        [[0, 2, 1], [3, 5, 4]],
+        [MATERIALS["solid"], MATERIALS["printed"]],
+        [0, 1],
+        uv=np.arange(12).reshape(6, 2) / 4,
+    )
+    mask = prepared(scene).shadow(Light.point((1, 50, 2)), samples)
+    assert mask.stats["fallbacks"] == samples.covered.sum()
+    assert mask.stats["sample_frustum_tests"] < samples.covered.sum() // 4
+    few = np.random.default_rng(0).choice(np.flatnonzero(samples.covered), 300, replace=False)
+    truth = arriving(scene, Light.point((1, 50, 2)), samples.take(few))
+    np.testing.assert_allclose(mask.partial.reshape(-1, 3)[few], truth, rtol=0, atol=1e-5)
+
+
+def test_equal_triangles_are_one_surface_without_exact_arithmetic(spheres):
+    twice = Scene(spheres.positions, np.concatenate([spheres.triangles, spheres.triangles[:, [1, 0, 2]]]))
+    samples = picture_of(twice, 60, 40)
+    mask = same_as_the_cpu(twice, light_over(twice), samples)
+    assert mask.stats["fallbacks"] > 100 and mask.stats["predicate_fallbacks"] == 0

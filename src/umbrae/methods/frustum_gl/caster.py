@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from umbrae.camera import Camera
 from umbrae.clock import Clock
+from umbrae.errors import InputError
 from umbrae.geometry.solids import Solids, find_solids
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.gl.context import Session, session
@@ -73,10 +74,12 @@ class FrustumGlCaster(Caster):
         starts = range(0, camera.height, step) if len(self.scene.triangles) else ()
         with self.session.current() as current, stage(current, clock or Clock(), "upload"):
             bands = tuple(self._band(samples, camera, top, top + step) for top in starts)
-        return UploadedSamples(samples, camera, bands)
+        return UploadedSamples(self, samples, camera, bands)
 
     def shadow_on_gpu(self, light: Light, uploaded: UploadedSamples, clock: Clock | None = None) -> GpuShadow:
         """The verdicts about samples that this caster has uploaded, left in OpenGL buffers."""
+        if uploaded.caster is not self:
+            raise InputError("frustum-gl: these samples were uploaded by another caster")
         clock = clock or Clock()
         names = "tile_frustum_tests", "sample_frustum_tests", "accepts", "rejects", "fallbacks", "predicate_fallbacks"
         stats = dict.fromkeys(names, 0)

@@ -28,19 +28,16 @@ SOLIDS, CULLED, FOUND, SHARES = QUEUE, UNSURE, QUEUE, UNSURE
 
 FRUSTUM_BYTES = 12 * 16
 PAIR_BYTES = 8
-MOST_TASKS = 256 * 65535
-"""Groups of an indirect dispatch, which has rows of 256."""
 _DECIDERS = 512
 """Groups of 64 that take pairs in turns."""
 _COUNTERS = 18
-_FRUSTA_GROUPS, _TASKS_GROUPS, _GROUPS_X = 12, 15, 256
-_COUNTED = {
-    "tile_frustum_tests": 4,
-    "sample_frustum_tests": 6,
-    "accepts": 8,
-    "rejects": 10,
-}
-"""Counters of 64 bits; all of them as in `frustum.glsl`."""
+_FRUSTA_MADE, _TASKS_MADE, _QUEUED, _UNDECIDED, _FRUSTA_GROUPS, _TASKS_GROUPS = 0, 1, 2, 3, 12, 15
+"""Counters, as in `frustum.glsl`; the last two are of three numbers each, for an indirect dispatch."""
+_TESTS = {"tile_frustum_tests": 4, "sample_frustum_tests": 6, "accepts": 8, "rejects": 10}
+"""Counters of 64 bits."""
+_GROUPS_X = 256
+MOST_TASKS = _GROUPS_X * 65535
+"""As many as an indirect dispatch in rows of that length has groups, on every driver."""
 
 Defines = dict[str, int | str]
 
@@ -103,7 +100,7 @@ class Passes:
             buffers |= {SOLIDS: culling[0], CULLED: self.buffer(culling[1].astype(np.uint32))}
             defines = {"CULL": 1}
         self._run("facing", groups_of(count), {**uniforms, "count": count}, buffers, defines)
-        return int(self._count()[3])
+        return int(self._count()[_UNDECIDED])
 
     def sides(self, count: int) -> NDArray[np.int32]:
         """What `face` has found, `(t,)`."""
@@ -145,7 +142,7 @@ class Passes:
 
     def frusta(self) -> NDArray[np.uint32]:
         """What `set_up` has made last, `(n, 48)`: see `frustum.glsl`."""
-        count = int(self._count()[0])
+        count = int(self._count()[_FRUSTA_MADE])
         return np.frombuffer(self._kept[FRUSTA].read(FRUSTUM_BYTES * count), np.uint32).reshape(count, -1)
 
     def set_up(self, count: int, uniforms: Mapping[str, Any], defines: Defines) -> None:
@@ -191,12 +188,12 @@ class Passes:
     def counted(self) -> tuple[int, int, NDArray[np.int32], dict[str, int]]:
         """Of the last frusta: tasks, pairs left open by float32, pairs `(p, 2)` left open by float64, tests."""
         counters = self._count()
-        unsure = int(counters[3])
+        unsure = int(counters[_UNDECIDED])
         pairs = np.zeros((0, 2), np.int32)
         if unsure:
             pairs = np.frombuffer(self._kept[UNSURE].read(PAIR_BYTES * unsure), np.int32).reshape(-1, 2)
-        tests = {name: int(counters[at]) + (int(counters[at + 1]) << 32) for name, at in _COUNTED.items()}
-        return int(counters[1]), int(counters[2]), pairs, tests
+        tests = {name: int(counters[at]) + (int(counters[at + 1]) << 32) for name, at in _TESTS.items()}
+        return int(counters[_TASKS_MADE]), int(counters[_QUEUED]), pairs, tests
 
     def merge(self, band: Band, samples: NDArray[np.int32], shares: NDArray[np.float32]) -> tuple[Any, Any]:
         """Buffers with a byte for each sample, 1 in shadow, and with the light that arrives; None if all are solid.

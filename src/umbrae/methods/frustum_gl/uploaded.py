@@ -12,6 +12,7 @@ from umbrae.errors import GraphicsError, InputError
 from umbrae.gl.context import Session
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.frustum_gl.tiles import Tiles
+from umbrae.methods.method import Caster
 from umbrae.samples import ViewSamples
 
 BLOCK = 1 << 23
@@ -42,6 +43,7 @@ class Band:
 class UploadedSamples:
     """A picture's samples on the GPU, made by `FrustumGlCaster.upload` for that caster and any number of lights."""
 
+    caster: Caster
     samples: ViewSamples
     camera: Camera
     bands: tuple[Band, ...]
