@@ -265,6 +265,18 @@ def test_a_region_of_influence_holds_all_of_a_penumbra_and_little_else(turned, l
         assert stats[0] < 2.5 * pairs
 
 
+def test_a_tiny_light_on_a_vertex_sees_both_sides_of_the_triangle():
+    corners = np.array(
+        [[-2.2238462, -4.3910189, 0.45043805], [1.5427157, -2.1029248, 1.3590713], [3.4228506, -1.6096088, -1.1487389]],
+        np.float32,
+    )
+    scene, light = Scene(corners, [(0, 1, 2)]), Light.point(corners[1], radius=1e-6)
+    samples = ViewSamples.points([[-2, -2, 0], [1, -3, -1]])
+    truth = oracle_bits(scene, light, samples, 64)
+    np.testing.assert_array_equal(bits_of(scene, light, samples, 64), truth)
+    assert 0 < truth[0].sum() < 64
+
+
 def finely_tessellated() -> tuple[Scene, ViewSamples]:
     """Spheres over a ground, and a small picture of them."""
     scene = spheres(grid=(3, 3), triangles=9000)

@@ -118,6 +118,16 @@ def test_in_shadow_only_ambient_light_is_left():
     np.testing.assert_allclose(pixels[40, 40], code(np.array([0.5, 0.25, 0.125]) * wall_ambient()), atol=0.51)
 
 
+@pytest.mark.parametrize("size", [2.0**-50, 2.0**-12, 2.0**25, 2.0**55])
+def test_the_unit_of_length_does_not_matter(size):
+    scene = quad(materials=[WHITE])
+    resized = Scene(np.float32(size) * scene.positions, scene.triangles, scene.materials)
+    camera = Camera.look_at((0, 0, 3 * size), (0, 0, 0), width=81, height=81, fov_y=30, near=size)
+    samples = sample(resized, camera)
+    pixels = shade(resized, camera, [HEAD_ON], samples, [lit(samples)])
+    np.testing.assert_allclose(pixels[40, 40], code(shoulder(diffuse.DIRECT + wall_ambient())), atol=0.51)
+
+
 def test_light_at_sixty_degrees_gives_half():
     samples = sample(quad(materials=[WHITE]), FRONT)
     light = Light.directional((np.sqrt(3) / 2, 0, -0.5))

@@ -139,9 +139,9 @@ def shade_rows(
                     _put(through, y - first, x, s, (0.0, 0.0, 0.0))
                     continue
                 a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-                v, w = float(barycentric[y, x, s, 0]), float(barycentric[y, x, s, 1])
+                v, w = np.float64(barycentric[y, x, s, 0]), np.float64(barycentric[y, x, s, 1])
                 px, py, pz = position[y, x, s, 0], position[y, x, s, 1], position[y, x, s, 2]
-                point = (float(px), float(py), float(pz))
+                point = (np.float64(px), np.float64(py), np.float64(pz))
                 to_eye = unit(subtract(eye, point))
 
                 # The facet's normal by its winding, or the smooth one, turned to the side it is seen from.
@@ -168,7 +168,7 @@ def shade_rows(
                     if partial_slot[k] >= 0:
                         p = partial_slot[k]
                         red, green, blue = partial[p, y, x, s, 0], partial[p, y, x, s, 1], partial[p, y, x, s, 2]
-                        arriving = times(arriving, (float(red), float(green), float(blue)))
+                        arriving = times(arriving, (np.float64(red), np.float64(green), np.float64(blue)))
                     shed = add(shed, scale(max(0.0, share), arriving))
 
                 m = material_id[t]

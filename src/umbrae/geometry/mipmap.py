@@ -109,8 +109,8 @@ def footprint(
     # Barycentrics are linear in the plane: v = (p - a) . (ac x n) / n.n and w = (p - a) . (n x ab) / n.n.
     area = max(dot(normal, normal), 1e-300)
     along_v, along_w = scale(1.0 / area, cross(ac, normal)), scale(1.0 / area, cross(normal, ab))
-    ab_u, ab_v = float(uv[b, 0]) - float(uv[a, 0]), float(uv[b, 1]) - float(uv[a, 1])
-    ac_u, ac_v = float(uv[c, 0]) - float(uv[a, 0]), float(uv[c, 1]) - float(uv[a, 1])
+    ab_u, ab_v = np.float64(uv[b, 0]) - uv[a, 0], np.float64(uv[b, 1]) - uv[a, 1]
+    ac_u, ac_v = np.float64(uv[c, 0]) - uv[a, 0], np.float64(uv[c, 1]) - uv[a, 1]
     right_v, right_w = dot(right, along_v), dot(right, along_w)
     down_v, down_w = dot(down, along_v), dot(down, along_w)
     return (

@@ -16,8 +16,8 @@ Vec3 = tuple[float, float, float]
 
 @inline
 def row(array: NDArray[np.floating], index: int) -> Vec3:
-    """Row `index` of an `(n, 3)` array, in float64."""
-    return float(array[index, 0]), float(array[index, 1]), float(array[index, 2])
+    """Row `index` of an `(n, 3)` array, in float64; to Numba, `float` of a float32 is a float32."""
+    return np.float64(array[index, 0]), np.float64(array[index, 1]), np.float64(array[index, 2])
 
 
 @inline

@@ -163,7 +163,7 @@ def spread(
                 place = add(subtract(eye, a), scale(distance / (1.0 + dx * by_x + dy * by_y), ray))
                 u = np.float32(dot(cross(place, ac), normal) / area)
                 v = np.float32(dot(cross(ab, place), normal) / area)
-                if u >= 0.0 and v >= 0.0 and float(u) + float(v) <= INSIDE:
+                if u >= 0.0 and v >= 0.0 and np.float64(u) + np.float64(v) <= INSIDE:
                     barycentric[y, x, k, 0], barycentric[y, x, k, 1] = u, v
                     for axis in range(3):
                         from_a = np.float64(positions[triangles[t, 0], axis])
