@@ -226,7 +226,7 @@ def test_every_share_agrees_with_rationals(soup, kinds, position):
     rng = np.random.default_rng(len(kinds))
     light = Light(np.array(position))
     scene = dressed(soup(rng, 12), rng, kinds, colors=soup is lattice_soup and 5 not in kinds)
-    samples = both(scene, rng, 50)
+    samples = both(scene, rng, 35)
     truth = product(scene, samples.size, rational_pairs(scene, light, samples))
     partly = check(shadow(scene, light, samples), truth)
     assert (partly == 0) == (kinds == [5])

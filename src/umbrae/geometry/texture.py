@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.parallel import expand
+from umbrae.parallel import inline
 
 
 def _srgb_to_linear() -> NDArray[np.float32]:
@@ -57,7 +57,7 @@ def pack(textures: Sequence[NDArray[np.uint8] | None]) -> Textures:
     return Textures(texels, offset, size)
 
 
-@expand
+@inline
 def fetch(
     texels: NDArray[np.uint8],
     offset: NDArray[np.int64],

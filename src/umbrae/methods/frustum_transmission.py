@@ -165,13 +165,14 @@ def accept_node(group, child, number, below, order, cluster, accepted, leaves, d
 @kernel
 def cover_queued(queue, start, stop, tree, receivers, dimming, stats):
     """Let triangles dim all samples of leaves that lie in their shadow: entries `start` to `stop` of a queue."""
-    point = np.empty(3)
+    full, slots, point = tree.full, tree.slot, np.empty(3)
     for entry in range(start, stop):
+        t = queue[entry, 0]
         for number in range(queue[entry, 1], queue[entry, 2]):
-            if tree.full[number // LANES, number % LANES]:
+            if full[number // LANES, number % LANES]:
                 continue
-            slot, all_dark = tree.slot[number], True
+            slot, all_dark = slots[number], True
             for lane in range(LANES):
-                all_dark &= dim_sample(number, slot, lane, queue[entry, 0], receivers, dimming, point, stats)
+                all_dark &= dim_sample(number, slot, lane, t, receivers, dimming, point, stats)
             if all_dark:
-                tree.full[number // LANES, number % LANES] = 1
+                full[number // LANES, number % LANES] = 1
