@@ -15,13 +15,13 @@ demo: .venv/.installed
 	.venv/bin/umbrae render out/pavilion.glb -o out/pavilion.png --mask out/pavilion_mask.png $(PAVILION)
 
 test: .venv/.installed-dev opengl
-	.venv/bin/pytest -q
+	.venv/bin/pytest -q -n 2 --dist worksteal
 
 check: .venv/.installed-dev opengl
 	.venv/bin/ruff format --check
 	.venv/bin/ruff check
 	.venv/bin/mypy
-	.venv/bin/pytest -q
+	.venv/bin/pytest -q -n 2 --dist worksteal
 	.venv/bin/umbrae bench check
 
 # Never fails: tests that find no OpenGL say what is missing.

@@ -1,6 +1,7 @@
 """What all tests share: kernels compiled from today's sources, hypothesis without deadlines, and OpenGL."""
 
 import os
+import signal
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,9 @@ def forget_stale_kernels() -> None:
             path.unlink(missing_ok=True)
 
 
+if os.environ.get("PYTEST_XDIST_WORKER"):
+    # Workers ignore interruptions, and so would the processes that tests start.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 forget_stale_kernels()
 settings.register_profile("umbrae", deadline=None, derandomize=True)
 settings.load_profile("umbrae")

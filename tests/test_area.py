@@ -508,12 +508,15 @@ def test_average_and_frustum_agree_about_umbra_and_lit_ground():
     assert np.abs(exact - mean).max() < 0.35
 
 
-def test_scenes_that_let_light_through_are_refused():
+def test_scenes_that_let_light_through_take_the_mean_over_fixed_light_samples():
     leaf = Material(alpha_mode="BLEND", base_color=(1, 1, 1, 0.5))
     scene = Scene(np.array([[0, 1, 0], [1, 1, 0], [0, 1, 1]], np.float32), np.array([[0, 1, 2]]), [leaf])
-    samples = ViewSamples.points([[0.2, 0, 0.2]])
-    with pytest.raises(InputError, match=r"lets light through.*solid materials"):
-        shadow(scene, LAMP, samples)
+    samples = ViewSamples.points([[0.2, 0, 0.2], [0.75, 0, 0.75], [5, 0, 5]])
+    mask = shadow(scene, Light.point((0, 3, 0), radius=0.2), samples, Frustum(light_samples=16))
+    assert mask.guarantee is Guarantee.NONE and mask.partial is not None
+    # Below the pane half the light, on the line below its edge between half and all, beside it all.
+    below, at_edge, beside = mask.partial[:, 0]
+    assert below == pytest.approx(0.5, abs=1e-5) and 0.5 < at_edge < 1 and beside == 1
 
 
 def test_empty_scenes_and_no_samples():

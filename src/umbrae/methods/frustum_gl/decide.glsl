@@ -17,7 +17,15 @@ layout(std430, binding = 13) readonly buffer Queue { ivec2 queue[]; };
 layout(std430, binding = 14) writeonly buffer Unsure { ivec2 unsure[]; };
 uniform uint room;
 
-// Equal triangles are one surface to a sample that lies on either: `same_triangle` of geometry/predicates.py.
+// Whether a sample's own triangle may hide it from the light, so that copies of that triangle may, too.
+bool may_be_turned_away(int index) {
+    int triangle = own[index], side = side_of(index);
+    int towards = facing(corner(triangle, 0), corner(triangle, 1), corner(triangle, 2));
+    return side != 0 && (towards == UNSURE || side * towards < 0);
+}
+
+// Equal triangles are one surface to a sample that lies on either and is not turned away from the light:
+// `same_triangle` of geometry/predicates.py.
 bool same_triangle(dvec3 a[3], int triangle) {
     dvec3 b[3] = dvec3[3](corner(triangle, 0), corner(triangle, 1), corner(triangle, 2));
     bool same = false;
@@ -60,7 +68,7 @@ void main() {
 #else
             atomicOr(dark[word], bit);
 #endif
-        } else if (!same_triangle(v, own[index])) {
+        } else if (!same_triangle(v, own[index]) || may_be_turned_away(index)) {
             unsure[atomicAdd(counters[UNDECIDED], 1u)] = ivec2(index, triangle);
         }
     }

@@ -180,6 +180,7 @@ class Passes:
             **self._some(DARK, COUNTERS, QUEUE),
             OWN: band.own,
             BARYCENTRICS: band.barycentrics,
+            SIDES: band.sides,
             UNSURE: self._room(UNSURE, PAIR_BYTES * room),
             **self._sums(),
         }
