@@ -11,6 +11,7 @@ from umbrae.image import Image
 from umbrae.light import Light
 from umbrae.memory import require
 from umbrae.methods import Method, cast_shadow, make_method
+from umbrae.methods.area_average import AREA_LIGHTS
 from umbrae.methods.frustum_cpu import BLOCK
 from umbrae.samples import ViewSamples
 from umbrae.sampling import sample_layers, sample_stochastic
@@ -24,6 +25,8 @@ _BYTES_FOR_SUN, _BYTES_FOR_POINT = 70, 180
 """What shadows take for each sample of a block, measured; for a point light as if it stood amid the scene."""
 _BYTES_FOR_SHARES = 13
 """Of a mask's sample: a byte for whether any light arrives, three float32 for how much does."""
+_BYTES_FOR_MEAN = 60
+"""Of a sample, while the masks of points of a light with a size are averaged: two sums in float64, and a mask."""
 _SUN_AZIMUTH, _SUN_ELEVATION = 55.0, 40.0
 _SUN_COLOR = (1.0, 0.96, 0.89)
 
@@ -97,7 +100,7 @@ def render(
             found: tuple[ViewSamples, ...] = (sample_stochastic(scene, camera, samples_per_pixel, stochastic, clock),)
         else:
             found = sample_layers(scene, camera, layers, samples_per_pixel, clock)
-    _require(scene, camera, shining, found)
+    _require(scene, camera, shining, found, algorithm)
     with clock.span("prepare"):
         caster = algorithm.prepare(scene, clock)
     masks = []
@@ -133,13 +136,18 @@ def is_filtered(antialiasing: str, samples_per_pixel: int, method: Method) -> bo
     return True
 
 
-def _require(scene: Scene, camera: Camera, lights: tuple[Light, ...], layers: tuple[ViewSamples, ...]) -> None:
+def _require(
+    scene: Scene, camera: Camera, lights: tuple[Light, ...], layers: tuple[ViewSamples, ...], method: Method
+) -> None:
     """Refuse a picture of which shadows and shading would not fit into memory."""
     work = max(_BYTES_FOR_SUN if light.is_directional else _BYTES_FOR_POINT for light in lights)
-    shares = 1 if transmission_of(scene) is None else _BYTES_FOR_SHARES
+    solid, soft = transmission_of(scene) is None, any(light.is_area for light in lights)
+    shares = 1 if solid and not soft else _BYTES_FOR_SHARES
     total, samples = len(layers) * layers[0].size, layers[0].size
     # Each mask is there twice while shading, and the picture has three bytes per pixel.
     size = min(samples, BLOCK) * work + total * 2 * len(lights) * shares + camera.width * camera.height * 3
+    if soft and not (solid and AREA_LIGHTS in method.accepts):
+        size += samples * _BYTES_FOR_MEAN
     several = f" in {len(layers)} layers (fewer need less)" if len(layers) > 1 else ""
     require(size, f"after sampling, the rest of a picture of {camera.width} x {camera.height} pixels{several}")
 

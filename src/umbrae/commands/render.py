@@ -82,8 +82,8 @@ def render(
     npz: Annotated[Path | None, typer.Option(metavar="FILE", help="Samples and masks as numpy arrays.")] = None,
     samples_per_pixel: Annotated[int, typer.Option(min=1, metavar="N", help="For smooth edges.")] = 1,
     layers: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Surfaces to see through at most, one behind another.")
-    ] = 8,
+        int | None, typer.Option(min=1, metavar="N", help="Surfaces to see through at most, one behind another; 8.")
+    ] = None,
     stochastic: Annotated[
         bool, typer.Option("--stochastic", help="See through surfaces by chance, with several samples per pixel.")
     ] = False,
@@ -96,8 +96,9 @@ def render(
         ),
     ] = "samples",
     filter_width: Annotated[
-        float, typer.Option(metavar="PIXELS", help="Of the footprint of --antialiasing derivative; more blurs.")
-    ] = 1.0,
+        float | None,
+        typer.Option(metavar="PIXELS", help="Of the footprint of --antialiasing derivative; 1, more blurs."),
+    ] = None,
     opaque: Opaque = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -107,9 +108,15 @@ def render(
     algorithm = make_method(
         method, **given(counting=counting, determinism=determinism, counter=counter, light_samples=light_samples)
     )
-    is_filtered(antialiasing, samples_per_pixel, algorithm)
-    if not 0.0 < filter_width < math.inf:
+    filtered, sized = is_filtered(antialiasing, samples_per_pixel, algorithm), light_radius > 0 or sun_diameter > 0
+    if filter_width is not None and not filtered:
+        raise OptionError("--filter-width is that of --antialiasing derivative, which is not there")
+    if filter_width is not None and not 0.0 < filter_width < math.inf:
         raise OptionError(f"--filter-width: wanted a number of pixels > 0, got {filter_width}")
+    if light_samples is not None and not sized:
+        raise OptionError("--light-samples: wanted a light with a size (--light-radius, --sun-diameter)")
+    if layers is not None and stochastic:
+        raise OptionError("--layers: --stochastic sees through all surfaces, with no layers")
     chances = _chances(stochastic, seed, samples_per_pixel, show)
     if chances is not None and "transparency" in algorithm.options():
         algorithm = make_method(algorithm, transparency="stochastic", seed=chances)
@@ -117,6 +124,8 @@ def render(
     if show is not None:
         if antialiasing != "samples":
             raise OptionError(f"--show {show} draws a figure, which has no --antialiasing")
+        if sized:
+            raise OptionError(f"--show {show}: wanted a light without --light-radius and --sun-diameter")
         check(show, algorithm, len(light) + len(sun), samples_per_pixel, (mask, npz))
         view = Size(size.width, picture_height(show, *size))
     picture = output or Path(f"{model.stem}.png")
@@ -140,16 +149,16 @@ def render(
             samples_per_pixel,
             up,
             clock,
-            layers,
+            layers or 8,
             chances,
             antialiasing,
-            filter_width,
+            filter_width or 1.0,
         )
     samples = image.samples
     assert samples is not None
     note_if_nothing_is_seen(samples)
-    if 1 < layers == len(image.layers):
-        note(f"as many layers as there may be, {layers}: --layers sees through more surfaces")
+    if 1 < (layers or 8) == len(image.layers):
+        note(f"as many layers as there may be, {len(image.layers)}: --layers sees through more surfaces")
     with clock.span("write"):
         image.save(picture)
         for path, one in zip(mask_paths, image.masks, strict=bool(mask_paths)):

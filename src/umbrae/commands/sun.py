@@ -29,6 +29,7 @@ from umbrae.options import (
     Target,
     Up,
 )
+from umbrae.transmission import transmission_of
 from umbrae.warmup import compile_kernels
 
 
@@ -97,7 +98,7 @@ def sun(
     camera = arguments.camera(scene, view, eye, target, up, fov) if pictures else None
     if camera is not None:
         sunlight.finer_camera(camera, samples_per_pixel)
-    compile_kernels([algorithm], 1, clock)
+    compile_kernels([algorithm], 1, clock, transmission_of(scene) is not None)
     facts: dict[str, Any] = {}
     if studies:
         with clock.span("sensors"):

@@ -33,6 +33,7 @@ from umbrae.options import (
     Up,
     given,
 )
+from umbrae.transmission import transmission_of
 from umbrae.verify import Truth
 from umbrae.warmup import try_out
 
@@ -96,7 +97,7 @@ def verify(
     scene = load(model, clock, opaque=opaque)
     camera = arguments.camera(scene, size, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up)
-    hindrances = try_out([*algorithms, make_method(JUDGE)], 1, clock)
+    hindrances = try_out([*algorithms, make_method(JUDGE)], 1, clock, transmission_of(scene) is not None)
     for hindrance in hindrances:
         if hindrance is not None and not (every and isinstance(hindrance, UmbraeError)):
             raise hindrance

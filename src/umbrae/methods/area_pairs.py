@@ -2,8 +2,8 @@
 
 With a = A - P, b = B - P, c = C - P and D = l' - w P, where l' is a light sample, the side planes of the definition
 (`geometry.predicates`) have the signs of -D . (a x b), -D . (b x c), -D . (c x a), the triangle's plane that of
--a . (b x c), and the light that of n . (l' - w A), with n = (B - A) x (C - A). Where the last two agree, the triangle
-shadows the sample if the first three agree with them as well.
+-a . (b x c), and the light that of n . (l' - w A), with n = (B - A) x (C - A). Where the last two differ, the triangle
+shadows the sample if none of the first three differs from the plane's.
 
 Only D depends on the light sample: l' = l + d, so each determinant is a number for the light's middle and a product
 with d, which float32 lanes work out for 16 light samples at once. A determinant m . (D_0 + d) is divided by
