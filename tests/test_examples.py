@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SAYS = {
     "hello_shadow": r"pavilion\.png: \d+% of what is seen lies in shadow, guarantee: exact\n",
+    "overdraw": r"updates or tests( +\d+ x +\d+){2}\n((z-pass|z-fail|frustum) +[\d,]+ +[\d,]+\n){3}",
     "sensors": r"(#{8}\n){4}(\.{8}\n){8}on the wall: 33% in shadow\nin front of it: 17% in shadow\n",
     "stained_glass": r"(layer \d: +\d+\.\d\d% of the picture\n){5,8}",
     "sun_hours": r"(2026-\d\d-2\d: +\d+\.\d h of day, north \d\.\d h, south \d\.\d h\n){3}",
@@ -26,7 +27,9 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_example(path, capsys):
+def test_example(path, capsys, request):
+    if path.stem == "overdraw":
+        request.getfixturevalue("opengl")
     runpy.run_path(str(path), run_name="__main__")
     assert re.fullmatch(SAYS[path.stem], capsys.readouterr().out)
     for picture in Path().iterdir():
