@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.errors import InputError
-from umbrae.geometry.texture import SRGB_TO_LINEAR, Textures, fetch, pack
+from umbrae.geometry.texture import SRGB_TO_LINEAR, fetch, pack
 from umbrae.material import Material
 from umbrae.parallel import expand
 from umbrae.scene import Scene
@@ -50,7 +50,7 @@ class Transmission(NamedTuple):
     uv, colors
         `(v, 2)` and `(v, 4) float32`, no rows where the scene has none.
     texels, offset, size
-        `Textures` of the materials; none where a texture does not matter.
+        `geometry.texture.Textures` of the materials; none where a texture does not matter.
     """
 
     kind: NDArray[np.uint8]
@@ -66,11 +66,6 @@ class Transmission(NamedTuple):
     texels: NDArray[np.uint8]
     offset: NDArray[np.int64]
     size: NDArray[np.int64]
-
-    @property
-    def textures(self) -> Textures:
-        """The three arrays about textures."""
-        return Textures(self.texels, self.offset, self.size)
 
 
 # Textures are looked through once per scene: sampling, shadows and shading all ask.

@@ -91,9 +91,6 @@ void count_up(int counter, uint amount) {
     if (atomicAdd(counters[counter], amount) > 0xffffffffu - amount) atomicAdd(counters[counter + 1], 1u);
 }
 
-#ifdef SEE_THROUGH
-#endif
-
 // What has no room is counted all the same.
 void add_task(uint frustum, int node, bool inside) {
     uint place = atomicAdd(counters[TASKS], 1u);
