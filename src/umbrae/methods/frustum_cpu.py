@@ -29,6 +29,9 @@ from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 from umbrae.transmission import CLEAR, SOLID, Transmission, transmission_of
 
+_ITSELF = np.empty(0, np.int32)
+"""In place of `Dimming.source`."""
+
 _LEAVES_PER_TASK = 4096
 
 _SAMPLES_PER_TASK = 65536
@@ -268,7 +271,7 @@ class FrustumCaster(Caster):
         with clock.span("transmission"):
             _in_parts(len(partial), _SAMPLES_PER_TASK, clock, light_or_dark, in_shadow, partial)
             whole, buffers = reserve([tree for _, tree in active], dice)
-            dimming = [Dimming(sheer.table, sheer.even, buffer, dice, *_queue(0)) for buffer in buffers]
+            dimming = [Dimming(sheer.table, sheer.even, buffer, dice, *_queue(0), _ITSELF) for buffer in buffers]
             stats = _traverse(sheer.clusters, sides.sheer, active, receivers, dimming, clock)
         with clock.span("merge"):
             for (_, tree), buffer in zip(active, buffers, strict=True):
