@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.geometry.edges import Edges, edges, weld
+from umbrae.geometry.edges import Edges, edges, first_equal, weld
 from umbrae.geometry.normals import facet_normals
 from umbrae.geometry.vectors import cross, dot, row, scale, subtract, unit
 from umbrae.parallel import inline, kernel, run
@@ -44,7 +44,8 @@ class SmoothMesh(NamedTuple):
     facets
         `(t, 3) float32` the triangles' own.
     turned
-        `(t,) int8`: 1 or -1 where winding and normals agree or not; 0 for a flat triangle.
+        `(t,) int8`: 1 or -1 where winding and normals agree or not; 0 for a flat triangle, and where another triangle
+        has the same corners: a sample on one of them must not meet pieces of the other, which lie off it by a rounding.
     topology
         Edges of the welded triangles.
     low, high
@@ -126,6 +127,8 @@ def smooth_mesh(
         np.divide(normals, length[:, None], out=vertex_normals, where=length[:, None] > 0)
     agrees = np.einsum("ij,ij->i", vertex_normals[triangles].sum(axis=1), facets) >= 0
     smooth = (length[triangles] > 0).all(axis=1)
+    same = first_equal(np.sort(welded[triangles], axis=1))
+    smooth &= np.bincount(same, minlength=len(same))[same] == 1
     return SmoothMesh(
         positions=positions,
         triangles=triangles,

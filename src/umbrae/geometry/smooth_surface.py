@@ -36,36 +36,6 @@ Tolerance = Callable[[Curves], Rows]
 """How far chords may lie from each curve, `(k,)` in world units."""
 
 
-class SmoothSurface(NamedTuple):
-    """Triangles that cast signed shadows.
-
-    Attributes
-    ----------
-    positions
-        `(p, 3) float32`: the soup's vertices first.
-    triangles
-        `(k, 3) int32`: the soup's first, also those that were cut; then their pieces; then the bands.
-    chain
-        `(k,) int32`: how often, and which way against its winding, each is part of the surface; 0 for cut ones.
-    source
-        `(k,) int32`: the soup's triangle that each is, or is a piece of; -1 for bands.
-    beside
-        `(k,) int32`: the same, for bands one that they are joined to.
-    faces
-        Which way the soup faces the light.
-    contour_edges
-        Chords of the smooth contour.
-    """
-
-    positions: NDArray[np.float32]
-    triangles: NDArray[np.int32]
-    chain: NDArray[np.int32]
-    source: NDArray[np.int32]
-    beside: NDArray[np.int32]
-    faces: Facing
-    contour_edges: int
-
-
 class Boundary(NamedTuple):
     """Parts of the surface's boundary before it is bent.
 
@@ -88,6 +58,48 @@ class Boundary(NamedTuple):
     beside: NDArray[np.int32]
 
 
+class SmoothSurface(NamedTuple):
+    """Triangles that cast signed shadows, and what bounds them.
+
+    Attributes
+    ----------
+    positions
+        `(p, 3) float32`: the soup's vertices first, then breakpoints, then where those are moved to.
+    triangles
+        `(k, 3) int32`: the soup's first, also those that were cut; then their pieces.
+    chain
+        `(k,) int32`: how often, and which way against its winding, each is part of the surface; 0 for cut ones.
+    source
+        `(k,) int32`: the soup's triangle that each is, or is a piece of.
+    faces
+        Which way the soup faces the light.
+    bounds
+        The parts of the boundary.
+    chords
+        `(b,) int64`: into how many chords to cut each.
+    """
+
+    positions: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    chain: NDArray[np.int32]
+    source: NDArray[np.int32]
+    faces: Facing
+    bounds: Boundary
+    chords: NDArray[np.int64]
+
+
+class Bands(NamedTuple):
+    """What closes the surface up to the smooth contour.
+
+    `points (n, 3) float32` between the ends of boundary parts, numbered on from the surface's positions; `triangles
+    (k, 3) int32`; `part (k,)` the boundary part that each belongs to, and counts as often as.
+    """
+
+    points: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    part: NDArray[np.intp]
+
+
 def smooth_surface(mesh: SmoothMesh, light: NDArray[np.float32], tolerance: Tolerance | None) -> SmoothSurface:
     """The surface of a soup under a homogeneous light `(4,)`.
 
@@ -102,16 +114,17 @@ def smooth_surface(mesh: SmoothMesh, light: NDArray[np.float32], tolerance: Tole
     breaks = breakpoints(mesh, faces, multiplicity)
     pieces = cut(mesh, faces, breaks)
     on_edges, bounds = boundary(mesh, multiplicity, breaks, pieces, tolerance is not None)
-    chords, contour, band, of = bend(bounds, len(mesh.positions) + len(on_edges), tolerance)
-    number = np.arange(len(mesh.triangles), dtype=np.int32)
+    chords = np.ones(len(bounds.times), np.int64)
+    if tolerance is not None:
+        chords = bounds.curves.chords(tolerance(bounds.curves))
     return SmoothSurface(
-        positions=np.concatenate([mesh.positions, on_edges.astype(np.float32), contour.astype(np.float32)]),
-        triangles=np.concatenate([mesh.triangles, pieces.triangles, band]),
-        chain=np.concatenate([whole_triangles(mesh, faces, pieces), pieces.chain, bounds.times[of]]),
-        source=np.concatenate([number, pieces.source, np.full(len(band), -1, np.int32)]),
-        beside=np.concatenate([number, pieces.source, bounds.beside[of]]),
+        positions=np.concatenate([mesh.positions, on_edges.astype(np.float32)]),
+        triangles=np.concatenate([mesh.triangles, pieces.triangles]),
+        chain=np.concatenate([whole_triangles(mesh, faces, pieces), pieces.chain]),
+        source=np.concatenate([np.arange(len(mesh.triangles), dtype=np.int32), pieces.source]),
         faces=faces,
-        contour_edges=int(chords.sum()),
+        bounds=bounds,
+        chords=chords,
     )
 
 
@@ -196,19 +209,15 @@ def _through_triangles(mesh: SmoothMesh, breaks: Breakpoints, pieces: Cut, moved
     return Boundary(base, base + np.int32(shift), curves, pieces.times, pieces.crossed)
 
 
-def bend(
-    bounds: Boundary, vertices: int, tolerance: Tolerance | None
-) -> tuple[NDArray[np.int64], Rows, NDArray[np.int32], NDArray[np.intp]]:
-    """Chords of each part; points between them, numbered from `vertices`; the bands' triangles; the part of each.
+def bands(surface: SmoothSurface) -> Bands:
+    """Cut the curves into chords, and the bands into triangles.
 
     A band is a polygon: the base, and back along the contour. It is cut into triangles around the base's ends, half of
     the contour each, and one between.
     """
-    chords = (
-        np.ones(len(bounds.times), np.int64) if tolerance is None else bounds.curves.chords(tolerance(bounds.curves))
-    )
-    bent = np.flatnonzero((bounds.base != bounds.ends).any(axis=1) | (chords > 1))
-    counts = chords[bent]
+    bounds, vertices = surface.bounds, len(surface.positions)
+    bent = np.flatnonzero((bounds.base != bounds.ends).any(axis=1) | (surface.chords > 1))
+    counts = surface.chords[bent]
     base, ends = bounds.base[bent], bounds.ends[bent]
     first = vertices + np.cumsum(counts - 1) - (counts - 1)
     part, step = _rows_of(counts - 1)
@@ -224,7 +233,7 @@ def bend(
         [np.stack([apex, start, stop], axis=1), np.stack([base[:, 0], between, base[:, 1]], axis=1)]
     ).astype(np.int32)
     proper = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-    return chords, points, triangles[proper], np.concatenate([bent[part], bent])[proper]
+    return Bands(points.astype(np.float32), triangles[proper], np.concatenate([bent[part], bent])[proper])
 
 
 def _rows_of(counts: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.int64]]:

@@ -14,7 +14,7 @@ from umbrae.methods.frustum_cpu import Frustum
 from umbrae.methods.frustum_gl.method import FrustumGl
 from umbrae.methods.method import Caster, Method
 from umbrae.methods.oracle import Oracle
-from umbrae.methods.smooth import Smooth
+from umbrae.methods.smooth.cpu import Smooth
 from umbrae.methods.volumes.robust_gs import RobustGs
 from umbrae.methods.volumes.silhouette_compute import SilhouetteCompute
 from umbrae.methods.volumes.silhouette_cpu import SilhouetteCpu

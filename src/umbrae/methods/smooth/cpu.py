@@ -6,43 +6,31 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.checks import number, shown
 from umbrae.clock import Clock
-from umbrae.errors import OptionError
-from umbrae.geometry.contours import smooth_mesh
-from umbrae.geometry.hermite import Curves
-from umbrae.geometry.smooth_surface import Rows, SmoothSurface, Tolerance, smooth_surface
+from umbrae.geometry.smooth_surface import SmoothSurface, bands
 from umbrae.geometry.solids import join_over_edges
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
-from umbrae.methods.crossing_count import CERTAIN, counting, write_counts
 from umbrae.methods.frustum_cpu import BLOCK, MEMORY, _in_parts, _traverse
 from umbrae.methods.frustum_leaves import COUNTERS, Receivers
 from umbrae.methods.frustum_traversal import merge
 from umbrae.methods.lanes import LANES
 from umbrae.methods.light_frame import POSITION_ERROR, light_frames, surface_error
-from umbrae.methods.method import Caster, Method, require_solid
-from umbrae.methods.receiver_scale import ReceiverScale
+from umbrae.methods.method import Caster, require_solid
 from umbrae.methods.sample_tree import bounds_with, build, hierarchy_bytes
+from umbrae.methods.smooth.crossing_count import CERTAIN, counting, write_counts
+from umbrae.methods.smooth.silhouette import Silhouettes, SmoothMethod
 from umbrae.methods.transmission_buffer import merge_sums, reserve
 from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
-SILHOUETTES = ("smooth", "accurate", "discrete")
-
 _LEAVES_PER_TASK = 4096
-
-FINE_PX = 0.25
-"""What chords may be off in a picture where no bound is given."""
-
-_FINE = 2.0**-12
-"""The same without a picture: of the scene's extent."""
 
 
 @dataclass(frozen=True)
-class Smooth(Method):
+class Smooth(SmoothMethod):
     """Shadow boundaries that do not show the tessellation, after Mattausch, Scherzer, Wimmer and Igarashi 2012.
 
     A coarse mesh with smooth vertex normals casts the shadow of the smooth surface that it stands for. Its silhouette,
@@ -58,52 +46,30 @@ class Smooth(Method):
     creases a curve is perpendicular to the normals of both sides. Triangles are turned towards the light one by one,
     so meshes need not be closed, nor wound alike. Bands stand on the silhouette's ends only (`smooth_surface`).
 
-    What it promises: none of the triangles' own shadow, which it changes on purpose. In connected parts without smooth
-    normals, and where they do not matter, verdicts are those of `frustum`.
-
-    Options
-    -------
-    silhouette
-        `smooth`, `accurate` (not bent) or `discrete` (that of the triangles, whatever the normals).
-    epsilon
-        How far chords may lie from the curves, in world units: the paper's bound.
-    epsilon_px
-        How many pixels of the picture their shadows may be off, wherever light falls on the samples at 3.6 degrees or
-        more (see `receiver_scale`); in the middle of a curve that would need more than 64 chords, it may be more. Where
-        both bounds are given both hold. Where neither is, a quarter of a pixel, or for samples without a camera 1/4096
-        of the scene's extent.
+    What it promises: nothing about the triangles' own shadow, which it changes on purpose. In connected parts without
+    smooth normals, and with the discrete silhouette, verdicts are those of `frustum`.
     """
-
-    silhouette: str = "smooth"
-    epsilon: float | None = None
-    epsilon_px: float | None = None
 
     name: ClassVar[str] = "smooth"
     paper: ClassVar[str] = "Mattausch, Scherzer, Wimmer, Igarashi 2012"
-    guarantee: ClassVar[Guarantee] = Guarantee.NONE
-
-    def __post_init__(self) -> None:
-        if self.silhouette not in SILHOUETTES:
-            wanted = f"wanted one of {', '.join(SILHOUETTES)}"
-            raise OptionError(f"{self.name}: silhouette: {wanted}, got {shown(self.silhouette)}")
-        for option, value in (("epsilon", self.epsilon), ("epsilon_px", self.epsilon_px)):
-            if value is not None and not number(value, f"{self.name}: {option}") > 0:
-                raise OptionError(f"{self.name}: {option}: wanted a positive number, got {value}")
 
     def prepare(self, scene: Scene, clock: Clock | None = None) -> "SmoothCaster":
         return SmoothCaster(scene, self, clock)
 
 
 class _Casting(NamedTuple):
-    """One light's surface: all it consists of as a soup, and what each triangle does.
+    """One light's surface, all it consists of as a soup, and what each triangle of that does.
 
-    `weight (k,) int32` what a crossing counts; `signed (t,) bool` the soup's triangles in parts that need counting.
+    `weight (k,) int32` what a crossing counts; `source (k,) int32` the scene's triangle that each is a piece of, -1 for
+    bands; `signed (t,) bool` the scene's triangles in parts that need counting; `facing (k,) int8`.
     """
 
     surface: SmoothSurface
     soup: Scene
     weight: NDArray[np.int32]
+    source: NDArray[np.int32]
     signed: NDArray[np.bool_]
+    facing: NDArray[np.int8]
     added: TriangleClusters
 
 
@@ -112,14 +78,13 @@ class SmoothCaster(Caster):
 
     def __init__(self, scene: Scene, method: Smooth, clock: Clock | None) -> None:
         require_solid(scene, method.name)
-        clock = clock or Clock()
         self.scene, self.method = scene, method
-        with clock.span("edges"):
-            normals = None if method.silhouette == "discrete" else scene.normals
-            self.mesh = smooth_mesh(scene.positions, scene.triangles, normals)
-            self.part = np.arange(len(scene.triangles), dtype=np.int32)
-            join_over_edges(self.mesh.topology.offsets, self.mesh.topology.triangle, self.part)
+        self.silhouettes = Silhouettes(scene, method, clock)
+        self.part = np.arange(len(scene.triangles), dtype=np.int32)
+        topology = self.silhouettes.mesh.topology
+        join_over_edges(topology.offsets, topology.triangle, self.part)
         self.clusters = cluster_triangles(scene, clock)
+        self._kept: _Casting | None = None
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         self.check(light, samples)
@@ -139,44 +104,32 @@ class SmoothCaster(Caster):
             stats += done
             memory = max(memory[0], used[0]), max(memory[1], used[1])
         counters = dict(zip((*COUNTERS, *MEMORY), (*stats.tolist(), *memory), strict=True))
-        counters["contour_edges"] = casting.surface.contour_edges
+        counters["contour_edges"] = int(casting.surface.chords.sum())
         guarantee = Guarantee.NONE if casting.signed.any() else Guarantee.EXACT
         return ShadowMask(in_shadow.reshape(samples.shape), guarantee, stats=counters)
 
-    def _tolerance(self, light: Light, samples: ViewSamples) -> Tolerance:
-        """How far chords may lie from curves, by the method's bounds."""
-        epsilon, epsilon_px = self.method.epsilon, self.method.epsilon_px
-        if samples.camera is None:
-            epsilon_px = None
-        elif epsilon is None and epsilon_px is None:
-            epsilon_px = FINE_PX
-        if epsilon is None:
-            extent = float((self.scene.bounds[1] - self.scene.bounds[0]).max())
-            epsilon = np.inf if epsilon_px is not None else _FINE * extent
-        if epsilon_px is None:
-            return lambda curves: np.full(len(curves.p0), epsilon)
-        scale, most_px = ReceiverScale.of(self.scene, light, samples), epsilon_px
-
-        def within(curves: Curves) -> Rows:
-            with np.errstate(divide="ignore"):
-                return np.minimum(most_px / scale.pixels_per_unit(curves), epsilon)
-
-        return within
-
     def _casting(self, light: Light, samples: ViewSamples, clock: Clock) -> _Casting:
+        surface = self.silhouettes.surface(light, samples)
+        if self._kept is not None and self._kept.surface is surface:
+            return self._kept
         count = len(self.scene.triangles)
-        tolerance = self._tolerance(light, samples) if self.method.silhouette == "smooth" else None
-        surface = smooth_surface(self.mesh, light.position, tolerance)
-        added = surface.triangles[count:]
-        facing = np.concatenate([surface.faces.facing, facing_of_all(surface.positions, added, light.position)])
-        weight = surface.chain * facing
+        closing = bands(surface)
+        soup = Scene(
+            np.concatenate([surface.positions, closing.points]),
+            np.concatenate([surface.triangles, closing.triangles]),
+        )
+        added = facing_of_all(soup.positions, soup.triangles[count:], light.position)
+        facing = np.concatenate([surface.faces.facing, added])
+        weight = np.concatenate([surface.chain, surface.bounds.times[closing.part]]) * facing
+        beside = np.concatenate([surface.source, surface.bounds.beside[closing.part]])
+        source = np.concatenate([surface.source, np.full(len(closing.part), -1, np.int32)])
         # Parts that are not cut, and of which no triangle counts backwards, shade like any soup.
         counted = np.zeros(count, bool)
-        counted[self.part[surface.beside[np.flatnonzero(weight < 0)]]] = True
-        counted[self.part[surface.beside[count:]]] = True
-        soup = Scene(surface.positions, surface.triangles)
-        chosen = count + np.arange(len(added))
-        return _Casting(surface, soup, weight, counted[self.part], cluster_triangles(soup, clock, chosen))
+        counted[self.part[beside[np.flatnonzero(weight < 0)]]] = True
+        counted[self.part[beside[count:]]] = True
+        clusters = cluster_triangles(soup, clock, np.arange(count, len(soup.triangles)))
+        self._kept = _Casting(surface, soup, weight, source, counted[self.part], facing, clusters)
+        return self._kept
 
     def _shadow_block(
         self, light: Light, samples: ViewSamples, casting: _Casting, in_shadow: NDArray[np.bool_], clock: Clock
@@ -192,11 +145,11 @@ class SmoothCaster(Caster):
             # Pieces of triangles lie off them by a rounding of their new corners.
             error = 2 * POSITION_ERROR * largest + surface_error(bounds)
             frames = light_frames(source, bounds, error)
-            shading = np.where(signed, np.int8(0), facing)
-            covered = samples.covered.reshape(-1)
-            leaves, trees = build(
-                samples, covered, shading, source, frames, (error, 2.0**-50 * largest), in_shadow, clock
-            )
+            away = self.silhouettes.turned_away(surface, samples) & samples.covered.reshape(-1)
+            in_shadow |= away
+            covered = samples.covered.reshape(-1) & ~away
+            limits = error, 2.0**-50 * largest
+            leaves, trees = build(samples, covered, np.zeros_like(facing), source, frames, limits, in_shadow, clock)
         raw = samples.barycentric.reshape(-1, 2), samples.side.reshape(-1), samples.position.reshape(-1, 3)
         receivers = Receivers(soup.positions, soup.triangles, source, *leaves[:3], *raw)
         active = [(frame, tree) for frame, tree in zip(frames, trees, strict=True) if tree is not None]
@@ -209,17 +162,15 @@ class SmoothCaster(Caster):
                 merge(tree.level, tree.full)
         with clock.span("counting"):
             whole, buffers = reserve(used, CERTAIN)
-            dimming = [counting(casting.weight, surface.source, buffer) for buffer in buffers]
-            side = np.where(casting.weight != 0, 1, 0).astype(np.int8)
-            own_side = np.where(signed & (surface.chain[:count] != 0), facing, np.int8(0))
-            added = facing_of_all(soup.positions, soup.triangles[count:], light.position) * side[count:]
-            every = np.concatenate([own_side, added])
-            stats += _traverse(self.clusters, in_clusters(self.clusters, every), active, receivers, dimming, clock)
-            stats += _traverse(casting.added, in_clusters(casting.added, every), active, receivers, dimming, clock)
+            dimming = [counting(casting.weight, casting.source, buffer) for buffer in buffers]
+            cast = np.where(casting.weight != 0, casting.facing, np.int8(0))
+            cast[:count][~signed] = 0
+            for clusters in (self.clusters, casting.added):
+                stats += _traverse(clusters, in_clusters(clusters, cast), active, receivers, dimming, clock)
         with clock.span("merge"):
             for tree, buffer in zip(used, buffers, strict=True):
                 merge_sums(tree.level, buffer)
-                what = facing, surface.chain, self.mesh.turned, surface.faces.values, in_shadow
+                what = facing, surface.chain[:count], self.silhouettes.mesh.turned, surface.faces.values, in_shadow
                 _in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_counts, tree, receivers, buffer, *what)
         whole.release()
         leaves.release(sum(len(tree.slot) for tree in used))

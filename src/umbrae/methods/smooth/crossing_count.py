@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from umbrae.methods.frustum_transmission import Dimming
 from umbrae.methods.lanes import LANES
 from umbrae.methods.sample_clusters import DARK, OWN, SAMPLE
+from umbrae.methods.smooth.silhouette import way_at
 from umbrae.methods.transmission_buffer import Dice, TransmissionBuffer
 from umbrae.parallel import kernel
 from umbrae.transmission import EVEN, Transmission
@@ -48,8 +49,7 @@ def counting(weight: NDArray[np.int32], source: NDArray[np.int32], buffer: Trans
 def write_counts(start, stop, tree, receivers, buffer, facing, chain, turned, values, in_shadow):
     """Write the verdicts of leaves `start` to `stop`: in shadow where solid parts shade, or the count is not zero.
 
-    A sample whose own triangle is turned away from the light crosses that as well: by its `chain (t,)`, or where it was
-    cut (0) by the side of the silhouette that the sample is on, from `turned (t,)` and `values (v,)` (see `contours`).
+    A sample whose own triangle is turned away from the light, by `facing (t,)`, crosses that as well.
     """
     sums, ids, triangles = buffer.sums, receivers.ids, receivers.triangles
     for number in range(start, stop):
@@ -65,12 +65,7 @@ def write_counts(start, stop, tree, receivers, buffer, facing, chain, turned, va
             if not dark:
                 total = sums[row, lane] + sums[group, child] - sums[row, LANES + lane] - sums[group, LANES + child]
                 if own >= 0 and receivers.side[index] * facing[own] < 0:
-                    way = chain[own]
-                    if way == 0 and turned[own] != 0:
-                        u = np.float64(receivers.barycentric[index, 0])
-                        v = np.float64(receivers.barycentric[index, 1])
-                        a, b, c = values[triangles[own, 0]], values[triangles[own, 1]], values[triangles[own, 2]]
-                        way = turned[own] if a + u * (b - a) + v * (c - a) >= 0.0 else -turned[own]
-                    total += way * facing[own]
+                    u, v = np.float64(receivers.barycentric[index, 0]), np.float64(receivers.barycentric[index, 1])
+                    total += way_at(own, u, v, triangles, chain, turned, values) * facing[own]
                 dark = total != 0
             in_shadow[index] = dark
