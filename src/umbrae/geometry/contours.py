@@ -46,6 +46,8 @@ class SmoothMesh(NamedTuple):
     turned
         `(t,) int8`: 1 or -1 where winding and normals agree or not; 0 for a flat triangle, and where another triangle
         has the same corners: a sample on one of them must not meet pieces of the other, which lie off it by a rounding.
+    same
+        `(t,) int32`: the lowest triangle with the same corners.
     topology
         Edges of the welded triangles.
     low, high
@@ -59,6 +61,7 @@ class SmoothMesh(NamedTuple):
     normals: NDArray[np.float64]
     facets: NDArray[np.float32]
     turned: NDArray[np.int8]
+    same: NDArray[np.int32]
     topology: Edges
     low: NDArray[np.int32]
     high: NDArray[np.int32]
@@ -135,6 +138,7 @@ def smooth_mesh(
         normals=vertex_normals,
         facets=facets,
         turned=np.where(smooth, np.where(agrees, 1, -1), 0).astype(np.int8),
+        same=same,
         topology=topology,
         low=adjacent[rows, corner[0]],
         high=adjacent[rows, corner[1]],

@@ -15,6 +15,7 @@ from umbrae.methods.frustum_gl.method import FrustumGl
 from umbrae.methods.method import Caster, Method
 from umbrae.methods.oracle import Oracle
 from umbrae.methods.smooth.cpu import Smooth
+from umbrae.methods.smooth.gl import SmoothGl
 from umbrae.methods.volumes.robust_gs import RobustGs
 from umbrae.methods.volumes.silhouette_compute import SilhouetteCompute
 from umbrae.methods.volumes.silhouette_cpu import SilhouetteCpu
@@ -31,6 +32,7 @@ METHODS: dict[str, type[Method]] = {
     "frustum": Frustum,
     "frustum-gl": FrustumGl,
     "smooth": Smooth,
+    "smooth-gl": SmoothGl,
     "silhouette-cpu": SilhouetteCpu,
     "silhouette-compute": SilhouetteCompute,
     "silhouette-gs": SilhouetteGs,
