@@ -87,6 +87,12 @@ class SmoothSurface(NamedTuple):
     bounds: Boundary
     chords: NDArray[np.int64]
 
+    @property
+    def is_the_soup(self) -> bool:
+        """Whether nothing was cut, bent, or turned another way than triangles face: shadows are the soup's own."""
+        whole = len(self.triangles) == len(self.faces.facing)
+        return whole and bool((self.chords == 1).all() and (self.chain * self.faces.facing >= 0).all())
+
 
 class Bands(NamedTuple):
     """What closes the surface up to the smooth contour.

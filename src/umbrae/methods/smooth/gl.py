@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from umbrae.camera import Camera
 from umbrae.clock import Clock
+from umbrae.geometry.normals import facet_normals
 from umbrae.geometry.smooth_surface import SmoothSurface
 from umbrae.gl.program import program
 from umbrae.light import Light
@@ -16,6 +17,7 @@ from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.method import Caster, require_solid
 from umbrae.methods.smooth.silhouette import Silhouettes, SmoothMethod
 from umbrae.methods.volumes.engine import CountingEngine, Frame
+from umbrae.methods.volumes.eye import light_spread
 from umbrae.methods.volumes.mesh import VolumeMesh
 from umbrae.methods.volumes.view import Rounding
 from umbrae.projection import unit_scale
@@ -100,12 +102,23 @@ class SmoothVolumes(CountingEngine):
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         clock = clock or Clock()
-        count, stats = self.count_volumes(light, samples, Rounding(0.0, 0.0, 0.0), clock)
+        rounding = self._rounding(light, self.camera_of(samples))
+        count, stats = self.count_volumes(light, samples, rounding, clock)
+        stats["contour_edges"] = int(self.surface.chords.sum())
         with clock.span("mask"):
             away = self.silhouettes.turned_away(self.surface, samples).reshape(samples.shape)
             in_shadow = ((count != 0) | away) & samples.covered
-        stats["contour_edges"] = int(self.surface.chords.sum())
+            if self.surface.is_the_soup:
+                normals = facet_normals(self.scene.positions, self.scene.triangles)
+                return ShadowMask(in_shadow, Guarantee.BANDED, rounding.band(samples, normals), stats=stats)
         return ShadowMask(in_shadow, Guarantee.NONE, stats=stats)
+
+    def _rounding(self, light: Light, camera: Camera) -> Rounding:
+        spread = 2.0
+        if not light.is_directional:
+            spread = light_spread(self.mesh.positions, self.surface.bounds.base, light.position * self.mesh.scale)
+        with self.session.current() as current:
+            return Rounding.of(self.scene, camera, current.integer("GL_SUBPIXEL_BITS"), spread)
 
     def counting(
         self, light: Light, camera: Camera, rounding: Rounding, casting: NDArray[np.bool_] | None, looks_through: bool
