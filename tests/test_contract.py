@@ -35,7 +35,6 @@ def lights_of(soup: Soup) -> dict[str, Light]:
 
 
 POINTS = [name for name, method in METHODS.items() if "points" in method.accepts]
-PICTURES_ONLY = {name for name, method in METHODS.items() if "points" not in method.accepts}
 
 
 def takes(method: str, name: str) -> bool:
@@ -79,11 +78,6 @@ def report_failure(name: str, mask: ShadowMask, truth: ShadowMask, samples: View
 @pytest.mark.parametrize(("method", "name"), [(m, name) for m in POINTS for name in SOUPS if takes(m, name)])
 def test_known_answers(method, name):
     for light, samples, answers in SOUPS[name].questions():
-        if method in PICTURES_ONLY:
-            # Says so, and names a method that answers.
-            with pytest.raises(InputError, match=rf"{method}: wanted the samples of a whole picture.*frustum"):
-                METHODS[method]().prepare(SOUPS[name].scene).shadow(light, samples)
-            continue
         mask = METHODS[method]().prepare(SOUPS[name].scene).shadow(light, samples)
         for index, answer in enumerate(answers):
             about = f"{name}, light {answer.light}: {answer.why}"
@@ -141,12 +135,6 @@ def test_mask_does_not_depend_on_order_winding_or_splitting(method, name):
         "split": split_at_midpoints(soup.scene),
     }
     for light in (Light.point((1.5, 7.0, 2.25)), Light.directional((-1, -2, -1))):
-        if method in PICTURES_ONLY:
-            for kind, scene in scenes.items():
-                picture = image_samples(scene, soup)
-                mask = METHODS[method]().prepare(scene).shadow(light, picture)
-                assert verify(scene, light, picture, mask).ok, f"{name} {kind}"
-            continue
         masks = {
             kind: METHODS[method]().prepare(scene).shadow(light, samples)
             for kind, scene in {"as it is": soup.scene, **scenes}.items()
@@ -195,11 +183,6 @@ def test_moving_scene_and_light_by_a_representable_amount_changes_nothing(method
     triangle = rng.integers(0, len(soup.scene.triangles), 400)
     uv = rng.integers(0, 5, (400, 2)) / 8
     light = np.array([3.0, 6.0, -2.0])
-    if method in PICTURES_ONLY:
-        aside = Camera.look_at(soup.eye + shift, soup.target + shift, fov_y=60, width=40, height=28)
-        samples, source = sample(moved, aside), Light.point(light + shift)
-        assert verify(moved, source, samples, METHODS[method]().prepare(moved).shadow(source, samples)).ok
-        return
     here = METHODS[method]().prepare(soup.scene)
     there = METHODS[method]().prepare(moved)
     first = here.shadow(Light.point(light), ViewSamples.on_surface(soup.scene, triangle, uv, 1))

@@ -32,7 +32,7 @@ uvec2 mixed(uvec2 key) {
 double chance(uvec2 key, int triangle, uint index, uint strata) {
     uvec2 drawn = mixed(mixed(key ^ uvec2(uint(triangle), 0u)) ^ uvec2(index / strata, 0u));
     uint number = index % strata, offset = drawn.y >> 1;
-    uint stratum = (number * (STRIDES[drawn.x & 15u] % strata) % strata + offset % strata) % strata;
+    uint stratum = (number * (STRIDES[drawn.x & 15u] % strata) % strata + offset) % strata;
     uvec2 bits = mixed(drawn ^ uvec2(number, 0u));
     precise double within = (double(bits.y >> 11) * 4294967296.0LF + double((bits.y << 21) | (bits.x >> 11)))
         * 1.1102230246251565e-16LF;  // 2^-53

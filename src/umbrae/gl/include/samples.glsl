@@ -9,7 +9,7 @@ int own_of(int sample_index) {
     return int(samples[sample_index].x);
 }
 
-// 0 for free points.
+// Of a sample on a surface.
 int side_of(int sample_index) {
-    return own_of(sample_index) < 0 ? 0 : int(samples[sample_index].w);
+    return int(samples[sample_index].w);
 }
