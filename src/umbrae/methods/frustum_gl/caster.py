@@ -76,7 +76,7 @@ class FrustumGlCaster(Caster):
         view = view_of(samples, self._reach)
         parts = parts_of(samples, self.passes.most) if len(self.scene.triangles) else ()
         with self.session.current() as current, stage(current, clock or Clock(), "upload"):
-            bands = tuple(self.passes.upload(part, samples.size, view.uniforms(self._reach)) for part in parts)
+            bands = tuple(self.passes.upload(part, view.uniforms(self._reach)) for part in parts)
         return UploadedSamples(self, samples, view, bands)
 
     def shadow_on_gpu(self, light: Light, uploaded: UploadedSamples, clock: Clock | None = None) -> GpuShadow:

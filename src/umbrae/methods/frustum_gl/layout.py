@@ -64,8 +64,9 @@ def view_of(samples: ViewSamples, reach: float) -> View:
     """
     if samples.camera is not None and is_picture(samples):
         return View(samples.camera.eye, samples.camera.world_to_clip[:, :3])
-    points = samples.position[samples.covered].astype(np.float64)
-    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3), np.zeros(3))
+    points = samples.position[samples.covered]
+    bounds = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3), np.zeros(3))
+    low, high = bounds[0].astype(np.float64), bounds[1].astype(np.float64)
     middle, half = (low + high) / 2, (high - low) / 2
     # Not nearer than some float32 steps of what it is compared with.
     radius = max(float(half.max()), 2.0**-20 * max(float(np.abs(middle).max()), reach)) or 1.0

@@ -18,8 +18,8 @@ from umbrae.scene import Scene
 from umbrae.transmission import Transmission
 
 HERE = Path(__file__).parent
-BACKGROUND, FREE = 0xFFFFFFFF, 0xFFFFFFFE
-"""In place of a sample's own triangle, -1 and -2 in `gl/include/samples.glsl`."""
+BACKGROUND, FREE = np.int32(-1), np.int32(-2)
+"""In place of a sample's own triangle, as in `gl/include/samples.glsl`."""
 POSITIONS, TRIANGLES, FACING, SAMPLES, NUMBERS = range(5)
 PLACES, BOXES, PRESENT, DARK, FRUSTA, COUNTERS, TASKS, QUEUE, UNSURE, VERDICT = range(6, 16)
 DIMMED, PARTIAL = 21, 22
@@ -88,18 +88,16 @@ class Passes:
         """A buffer of that many bytes, whatever they are."""
         return self.session.moderngl.buffer(reserve=max(size, 4))
 
-    def upload(self, part: Part, total: int, view: Mapping[str, Any]) -> Band:
-        """Samples in buffers, some of `total`, and their places as `view` has them."""
-        samples = part.samples
-        count, own = samples.size, samples.triangle.reshape(-1)
-        given = np.empty((count, 4), np.uint32)
-        given[:, 0] = own.view(np.uint32)
-        given[:, 1:3] = samples.barycentric.reshape(-1, 2).view(np.uint32)
-        given[:, 3] = samples.side.reshape(-1).astype(np.int32).view(np.uint32)
+    def upload(self, part: Part, view: Mapping[str, Any]) -> Band:
+        """Samples in buffers, and their places as `view` has them."""
+        samples, count = part.samples, part.samples.size
+        own = samples.triangle.reshape(-1)
+        given = np.empty((count, 4), np.int32)
+        given[:, 0] = np.where(samples.covered.reshape(-1), np.where(own < 0, FREE, own), BACKGROUND)
+        given[:, 1:3] = samples.barycentric.reshape(-1, 2).view(np.int32)
+        given[:, 3] = samples.side.reshape(-1)
         free = np.flatnonzero(own < 0)
-        covered = samples.covered.reshape(-1)[free]
-        given[free, 0] = np.where(covered, np.uint32(FREE), np.uint32(BACKGROUND))
-        given[free, 1:] = samples.position.reshape(-1, 3)[free].view(np.uint32)
+        given[free, 1:] = samples.position.reshape(-1, 3)[free].view(np.int32)
         numbers = None
         if self._key is not None:
             numbers = self.buffer(part.numbers(np.arange(count, dtype=np.int32)).astype(np.uint32))

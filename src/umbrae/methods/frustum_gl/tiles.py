@@ -10,7 +10,6 @@ BRANCH = 3
 MAX_LEVELS = 9
 """Also in `tiles.glsl`: eight of them cover more than a million samples a side."""
 
-
 PICTURE = ((2, 3), (3, 2))
 """How children lie side by side and one above the other, as powers of two, at even levels and at odd ones: 4 x 8 and
 8 x 4 in turns (Sintorn et al. 2011, section 3.4)."""
