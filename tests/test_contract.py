@@ -118,6 +118,28 @@ def test_picture_keeps_the_guarantee(method, name, kind, request):
         pytest.fail(report_failure(f"{method} {name} {kind}", mask, truth, samples, int(verdict.wrong[0])))
 
 
+def scattered_samples(scene: Scene) -> ViewSamples:
+    """A list of free points in and around the soup, some of them on its vertices, and of places on its triangles."""
+    rng, (low, high) = np.random.default_rng(4), scene.bounds.astype(np.float64)
+    around = low + rng.uniform(-0.5, 1.5, (60, 3)) * (high - low)
+    free = ViewSamples.points(np.concatenate([around, scene.positions[rng.integers(0, len(scene.positions), 20)]]))
+    own, uv = rng.integers(0, len(scene.triangles), 80), rng.choice([0.0, 0.25, 0.5], (80, 2))
+    on = ViewSamples.on_surface(scene, own, uv, rng.choice([-1, 0, 1], 80))
+    order = rng.permutation(160)
+    names = ("triangle", "barycentric", "side", "position", "covered")
+    return ViewSamples(*(np.concatenate([getattr(free, name), getattr(on, name)])[order] for name in names))
+
+
+@pytest.mark.parametrize("method", [name for name in POINTS if name != "oracle"])
+@pytest.mark.parametrize("name", [name for name, soup in SOUPS.items() if len(soup.scene.triangles)])
+def test_points_keep_the_guarantee(method, name):
+    scene, samples = SOUPS[name].scene, scattered_samples(SOUPS[name].scene)
+    caster = METHODS[method]().prepare(scene)
+    for kind, light in lights_of(SOUPS[name]).items():
+        verdict = verify(scene, light, samples, caster.shadow(light, samples))
+        assert verdict.ok, f"{kind}: the first wrong sample is {verdict.wrong[0]}"
+
+
 STEADY = ["cube", "shared_edge", "tilted_grid", "wall_on_ground", "open_fan", *sorted(TRANSPARENT)]
 
 
