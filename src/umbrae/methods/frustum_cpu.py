@@ -171,12 +171,12 @@ class FrustumCaster(Caster):
                 sides = self._sides(source, clock)
             width = samples.size // samples.shape[0]
             step = max(4, BLOCK // width // 4 * 4)
-            key = key_of(self.method.seed, LIGHT)
+            by_chance = self.method.transparency == "stochastic"
+            key = key_of(self.method.seed, LIGHT) if by_chance else np.uint64(0)
             strata = samples.shape[2] if samples.camera is not None and len(samples.shape) == 3 else 1
             for start in range(0, samples.shape[0], step):
                 block = samples if step >= samples.shape[0] else samples.rows(start, start + step)
                 part = slice(start * width, (start + step) * width)
-                by_chance = self.method.transparency == "stochastic"
                 dice = Dice(strata if by_chance else 0, key, start * width)
                 shares = None if partial is None else partial[part]
                 done, used = self._shadow_block(source, block, sides, dice, in_shadow[part], shares, clock)
