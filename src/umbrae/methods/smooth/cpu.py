@@ -60,8 +60,8 @@ class Smooth(SmoothMethod):
 class _Casting(NamedTuple):
     """One light's surface, all it consists of as a soup, and what each triangle of that does.
 
-    `weight (k,) int32` what a crossing counts; `source (k,) int32` the scene's triangle that each is a piece of, -1 for
-    bands; `signed (t,) bool` the scene's triangles in parts that need counting; `facing (k,) int8`.
+    `weight (k,) int32` what a crossing counts; `source (k,) int32` the scene's triangle that each is a piece of, itself
+    for bands; `signed (t,) bool` the scene's triangles in parts that need counting; `facing (k,) int8`.
     """
 
     surface: SmoothSurface
@@ -122,7 +122,7 @@ class SmoothCaster(Caster):
         facing = np.concatenate([surface.faces.facing, added])
         weight = np.concatenate([surface.chain, surface.bounds.times[closing.part]]) * facing
         beside = np.concatenate([surface.source, surface.bounds.beside[closing.part]])
-        source = np.concatenate([surface.source, np.full(len(closing.part), -1, np.int32)])
+        source = np.concatenate([surface.source, np.arange(len(surface.source), len(weight), dtype=np.int32)])
         # Parts that are not cut, and of which no triangle counts backwards, shade like any soup.
         counted = np.zeros(count, bool)
         counted[self.part[beside[np.flatnonzero(weight < 0)]]] = True

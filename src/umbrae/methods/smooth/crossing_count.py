@@ -16,7 +16,7 @@ from umbrae.methods.transmission_buffer import Dice, TransmissionBuffer
 from umbrae.parallel import kernel
 from umbrae.transmission import EVEN, Transmission
 
-CERTAIN = Dice(0, 0, 0)
+CERTAIN = Dice(0, np.uint64(0), 0)
 """Nothing is left to chance."""
 
 
