@@ -10,7 +10,8 @@ bounds the oriented whole is the silhouette, twice, edges where normals of the t
 side is lit and the other is not, and open edges. That holds for any soup: each triangle contributes by itself, and
 what neighbours share cancels.
 
-Triangles without normals are *flat*: they face the light or not as a whole.
+Triangles without normals are *flat*: they face the light or not as a whole. So are those with a normal that turns more
+than 60 degrees from the facet: no smooth surface looks like that.
 """
 
 from typing import NamedTuple
@@ -28,6 +29,9 @@ BROKEN = -(1 << 31)
 
 _ROWS = 1 << 15
 
+_SMOOTH = 0.5
+"""Cosine of the angle up to which vertex normals of a smooth surface turn from a facet: 60 degrees."""
+
 _CREASE = 1e-3
 """Sine of the angle from which two normals tell the direction of the crease between them."""
 
@@ -39,6 +43,8 @@ class SmoothMesh(NamedTuple):
     ----------
     positions, triangles
         `(v, 3) float32`, `(t, 3) int32` of the soup.
+    welded
+        `(v,) int32`: one number per exact position.
     normals
         `(v, 3) float64` of length 1, or zero.
     facets
@@ -58,6 +64,7 @@ class SmoothMesh(NamedTuple):
 
     positions: NDArray[np.float32]
     triangles: NDArray[np.int32]
+    welded: NDArray[np.int32]
     normals: NDArray[np.float64]
     facets: NDArray[np.float32]
     turned: NDArray[np.int8]
@@ -128,13 +135,15 @@ def smooth_mesh(
     vertex_normals = np.zeros((len(positions), 3))
     if normals is not None:
         np.divide(normals, length[:, None], out=vertex_normals, where=length[:, None] > 0)
-    agrees = np.einsum("ij,ij->i", vertex_normals[triangles].sum(axis=1), facets) >= 0
-    smooth = (length[triangles] > 0).all(axis=1)
+    along = np.einsum("tkj,tj->tk", vertex_normals[triangles], facets)
+    agrees = along.sum(axis=1) >= 0
+    smooth = (np.abs(along) >= _SMOOTH).all(axis=1) & (np.sign(along) == np.sign(along[:, :1])).all(axis=1)
     same = first_equal(np.sort(welded[triangles], axis=1))
     smooth &= np.bincount(same, minlength=len(same))[same] == 1
     return SmoothMesh(
         positions=positions,
         triangles=triangles,
+        welded=welded,
         normals=vertex_normals,
         facets=facets,
         turned=np.where(smooth, np.where(agrees, 1, -1), 0).astype(np.int8),
@@ -211,14 +220,15 @@ def edge_directions(mesh: SmoothMesh, chosen: NDArray[np.int32]) -> tuple[NDArra
     """`(k, 3)` unit directions of the smooth surface along edges, at their lower and at their higher ends.
 
     Perpendicular to the normals of all triangles there: the chord projected onto the tangent plane, or at a crease the
-    direction that is tangent to both sides. Where that turns away from the chord by 60 degrees or more, the chord.
+    direction that is tangent to both sides. Where that turns away from the chord by 60 degrees or more, the chord; and
+    at hollow creases, which never bound a shadow: the light has met one of their sides before.
     """
     found = np.empty((2, len(chosen), 3))
     topology = mesh.topology
     for end, vertex in enumerate((mesh.low, mesh.high)):
         fill_directions(
-            chosen, mesh.positions, mesh.normals, mesh.facets, mesh.turned, topology.offsets, topology.triangle,
-            mesh.low, mesh.high, vertex, found[end],
+            chosen, mesh.positions, mesh.triangles, mesh.normals, mesh.facets, mesh.turned, topology.offsets,
+            topology.triangle, topology.sign, mesh.low, mesh.high, vertex, found[end],
         )  # fmt: skip
     return found[0], found[1]
 
@@ -365,8 +375,23 @@ def normal_at(t, v, turned, normals, facets):
     return row(facets, t) if turned[t] == 0 else row(normals, v)
 
 
+@inline
+def hollow(positions, triangles, facets, turned, triangle, sign, first, last):
+    """Whether the two triangles of an edge, wound alike, are turned towards each other."""
+    if last - first != 2 or sign[first] == sign[first + 1]:
+        return False
+    s, t = triangle[first], triangle[first + 1]
+    outwards = scale(-1.0 if turned[s] < 0 else 1.0, row(facets, s))
+    rise = 0.0
+    for k in range(3):
+        rise += dot(outwards, subtract(row(positions, triangles[t, k]), row(positions, triangles[s, 0])))
+    return rise > 0.0
+
+
 @kernel
-def fill_directions(chosen, positions, normals, facets, turned, offsets, triangle, low, high, vertex, out):
+def fill_directions(
+    chosen, positions, triangles, normals, facets, turned, offsets, triangle, sign, low, high, vertex, out
+):
     """`edge_directions` at one end, that of `vertex`."""
     for number in range(len(chosen)):
         first, last = offsets[chosen[number]], offsets[chosen[number] + 1]
@@ -381,7 +406,9 @@ def fill_directions(chosen, positions, normals, facets, turned, offsets, triangl
                     widest = dot(along, along)
                     found = along if dot(along, chord) > 0.0 else scale(-1.0, along)
         found = unit(found)
-        if dot(found, chord) < 0.5:
+        if dot(found, chord) < 0.5 or (
+            widest > _CREASE * _CREASE and hollow(positions, triangles, facets, turned, triangle, sign, first, last)
+        ):
             found = chord
         for axis in range(3):
             out[number, axis] = found[axis]

@@ -27,7 +27,7 @@ from umbrae.geometry.contours import (
     edge_multiplicities,
     vertex_values,
 )
-from umbrae.geometry.hermite import Curves, along_surface, curved, straight, units
+from umbrae.geometry.hermite import Curves, along_surface, curved, dots, straight, units
 from umbrae.geometry.volume_faces import facing_of_all
 
 Rows = NDArray[np.float64]
@@ -47,15 +47,12 @@ class Boundary(NamedTuple):
         Those between the ends.
     times
         `(k,) int32`: how often each bounds the surface.
-    beside
-        `(k,) int32`: a triangle there.
     """
 
     base: NDArray[np.int32]
     ends: NDArray[np.int32]
     curves: Curves
     times: NDArray[np.int32]
-    beside: NDArray[np.int32]
 
 
 class SmoothSurface(NamedTuple):
@@ -94,6 +91,24 @@ class SmoothSurface(NamedTuple):
         return whole and bool((self.chords == 1).all() and (self.chain * self.faces.facing >= 0).all())
 
 
+def core(mesh: SmoothMesh, surface: SmoothSurface) -> NDArray[np.bool_]:
+    """`(t,)` triangles of the soup that cast their own shadow, whatever lies about them.
+
+    They count forwards, and touch no triangle that was cut or counts backwards, nor a bent edge. Around the others
+    contours may fold, and what they count cancels where it should not: on coarse meshes, thin lines of light. But a
+    contour is moved by less than the triangles next to it are wide, so there is nothing to take from the core.
+    """
+    weight = surface.chain[: len(mesh.triangles)] * surface.faces.facing
+    doubtful = weight < 0
+    doubtful[surface.source[len(mesh.triangles) :]] = True
+    near = np.zeros(len(mesh.positions), bool)
+    near[mesh.welded[mesh.triangles[doubtful]]] = True
+    bent = (surface.bounds.base != surface.bounds.ends).any(axis=1) | (surface.chords > 1)
+    base = surface.bounds.base[bent]
+    near[mesh.welded[base[base < len(mesh.positions)]]] = True
+    return (weight > 0) & ~near[mesh.welded[mesh.triangles]].any(axis=1)
+
+
 class Bands(NamedTuple):
     """What closes the surface up to the smooth contour.
 
@@ -119,7 +134,7 @@ def smooth_surface(mesh: SmoothMesh, light: NDArray[np.float32], tolerance: Tole
     multiplicity = edge_multiplicities(mesh, faces)
     breaks = breakpoints(mesh, faces, multiplicity)
     pieces = cut(mesh, faces, breaks)
-    on_edges, bounds = boundary(mesh, multiplicity, breaks, pieces, tolerance is not None)
+    on_edges, bounds = boundary(mesh, multiplicity, breaks, pieces, source, tolerance is not None)
     chords = np.ones(len(bounds.times), np.int64)
     if tolerance is not None:
         chords = bounds.curves.chords(tolerance(bounds.curves))
@@ -144,9 +159,10 @@ def whole_triangles(mesh: SmoothMesh, faces: Facing, pieces: Cut) -> NDArray[np.
 
 
 def boundary(
-    mesh: SmoothMesh, multiplicity: NDArray[np.int32], breaks: Breakpoints, pieces: Cut, bulge: bool
+    mesh: SmoothMesh, multiplicity: NDArray[np.int32], breaks: Breakpoints, pieces: Cut, light: Rows, bulge: bool
 ) -> tuple[Rows, Boundary]:
     """Breakpoints `(n, 3)`, with `bulge` followed by where they are moved to, and the parts of the boundary."""
+    vertices, shift = len(mesh.positions), len(breaks.u) if bulge else 0
     whole = np.flatnonzero((multiplicity != 0) & (multiplicity != BROKEN)).astype(np.int32)
     edges = np.concatenate([whole, breaks.edge])
     first = mesh.topology.offsets[edges]
@@ -155,25 +171,27 @@ def boundary(
     curves = curved(flat.p0, flat.p1, *edge_directions(mesh, edges)) if bulge else flat
     of = len(whole) + np.repeat(np.arange(len(breaks.edge)), np.diff(breaks.start))
     on_soup, moved = flat.take(of).at(breaks.u), curves.take(of).at(breaks.u)
+    outer = outlines(mesh, pieces, light)
+    hidden = np.zeros(len(moved), bool)
+    hidden[pieces.segments[~outer][:, [0, 3]]] = True
+    moved[hidden] = on_soup[hidden]
 
-    vertices, shift = len(mesh.positions), len(breaks.u) if bulge else 0
     edge, base, start, stop = _parts(len(whole), ends, breaks, vertices)
     used = np.flatnonzero(np.concatenate([multiplicity[whole], breaks.multiplicity]))
     edge, base = edge[used], base[used]
+    places = np.concatenate([mesh.positions.astype(np.float64), moved])
     along = Boundary(
         base,
         np.where(base >= vertices, base + shift, base),
-        curves.take(edge).between(start[used], stop[used]),
+        curves.take(edge).between(start[used], stop[used])._replace(p0=places[base[:, 0]], p1=places[base[:, 1]]),
         np.concatenate([multiplicity[whole], breaks.multiplicity])[used],
-        mesh.topology.triangle[first[edge]],
     )
-    across = _through_triangles(mesh, breaks, pieces, moved, shift)
+    across = _through_triangles(mesh, breaks, pieces, moved, outer, shift)
     both = Boundary(
         np.concatenate([along.base, across.base]),
         np.concatenate([along.ends, across.ends]),
         Curves(*(np.concatenate(pair) for pair in zip(along.curves, across.curves, strict=True))),
         np.concatenate([along.times, across.times]),
-        np.concatenate([along.beside, across.beside]),
     )
     return (np.concatenate([on_soup, moved]) if bulge else on_soup), both
 
@@ -199,7 +217,24 @@ def _parts(
     return edge, base, start, stop
 
 
-def _through_triangles(mesh: SmoothMesh, breaks: Breakpoints, pieces: Cut, moved: Rows, shift: int) -> Boundary:
+def outlines(mesh: SmoothMesh, pieces: Cut, light: Rows) -> NDArray[np.bool_]:
+    """`(s,)` which segments of the silhouette may bound the shadow: where the surface turns away as light goes on.
+
+    f falls along the light's way there. Where it rises the surface is hollow along the light, which has met another
+    part of it before: its shadow ends elsewhere. Bent, such a part would only take from that.
+    """
+    corners = mesh.triangles[pieces.crossed]
+    a, b, c = np.moveaxis(mesh.positions.astype(np.float64)[corners], 1, 0)
+    values = [dots(mesh.normals[v], light[:3] - light[3] * mesh.positions[v]) for v in corners.T]
+    normal = np.cross(b - a, c - a)
+    slope = np.cross(normal, values[0][:, None] * (c - b) + values[1][:, None] * (a - c) + values[2][:, None] * (b - a))
+    falls: NDArray[np.bool_] = dots(slope, light[3] * (a + b + c) / 3 - light[:3]) < 0
+    return falls
+
+
+def _through_triangles(
+    mesh: SmoothMesh, breaks: Breakpoints, pieces: Cut, moved: Rows, outer: NDArray[np.bool_], shift: int
+) -> Boundary:
     """The silhouette's segments from edge to edge, perpendicular to the interpolated normals; `moved (n, 3)` ends."""
     point = pieces.segments[:, [0, 3]]
     p0, p1 = moved[point.T]
@@ -209,10 +244,11 @@ def _through_triangles(mesh: SmoothMesh, breaks: Breakpoints, pieces: Cut, moved
         for end in range(2):
             share = breaks.u[point[:, end]][:, None]
             low, high = (mesh.normals[pieces.segments[:, 3 * end + corner]] for corner in (1, 2))
-            directions.append(along_surface(p1 - p0, units(low * (1.0 - share) + high * share)))
+            direction = along_surface(p1 - p0, units(low * (1.0 - share) + high * share))
+            directions.append(np.where(outer[:, None], direction, units(p1 - p0)))
         curves = curved(p0, p1, *directions)
     base = (len(mesh.positions) + point).astype(np.int32)
-    return Boundary(base, base + np.int32(shift), curves, pieces.times, pieces.crossed)
+    return Boundary(base, base + np.int32(shift), curves, pieces.times)
 
 
 def bands(surface: SmoothSurface) -> Bands:

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.clock import Clock
-from umbrae.geometry.smooth_surface import SmoothSurface, bands
-from umbrae.geometry.solids import join_over_edges
+from umbrae.geometry.smooth_surface import SmoothSurface, bands, core
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
@@ -68,7 +67,7 @@ class _Casting(NamedTuple):
     soup: Scene
     weight: NDArray[np.int32]
     source: NDArray[np.int32]
-    signed: NDArray[np.bool_]
+    core: NDArray[np.bool_]
     facing: NDArray[np.int8]
     added: TriangleClusters
 
@@ -80,9 +79,6 @@ class SmoothCaster(Caster):
         require_solid(scene, method.name)
         self.scene, self.method = scene, method
         self.silhouettes = Silhouettes(scene, method, clock)
-        self.part = np.arange(len(scene.triangles), dtype=np.int32)
-        topology = self.silhouettes.mesh.topology
-        join_over_edges(topology.offsets, topology.triangle, self.part)
         self.clusters = cluster_triangles(scene, clock)
         self._kept: _Casting | None = None
 
@@ -105,7 +101,7 @@ class SmoothCaster(Caster):
             memory = max(memory[0], used[0]), max(memory[1], used[1])
         counters = dict(zip((*COUNTERS, *MEMORY), (*stats.tolist(), *memory), strict=True))
         counters["contour_edges"] = int(casting.surface.chords.sum())
-        guarantee = Guarantee.NONE if casting.signed.any() else Guarantee.EXACT
+        guarantee = Guarantee.EXACT if casting.surface.is_the_soup else Guarantee.NONE
         return ShadowMask(in_shadow.reshape(samples.shape), guarantee, stats=counters)
 
     def _casting(self, light: Light, samples: ViewSamples, clock: Clock) -> _Casting:
@@ -121,14 +117,9 @@ class SmoothCaster(Caster):
         added = facing_of_all(soup.positions, soup.triangles[count:], light.position)
         facing = np.concatenate([surface.faces.facing, added])
         weight = np.concatenate([surface.chain, surface.bounds.times[closing.part]]) * facing
-        beside = np.concatenate([surface.source, surface.bounds.beside[closing.part]])
         source = np.concatenate([surface.source, np.arange(len(surface.source), len(weight), dtype=np.int32)])
-        # Parts that are not cut, and of which no triangle counts backwards, shade like any soup.
-        counted = np.zeros(count, bool)
-        counted[self.part[beside[np.flatnonzero(weight < 0)]]] = True
-        counted[self.part[beside[count:]]] = True
         clusters = cluster_triangles(soup, clock, np.arange(count, len(soup.triangles)))
-        self._kept = _Casting(surface, soup, weight, source, counted[self.part], facing, clusters)
+        self._kept = _Casting(surface, soup, weight, source, core(self.silhouettes.mesh, surface), facing, clusters)
         return self._kept
 
     def _shadow_block(
@@ -137,7 +128,7 @@ class SmoothCaster(Caster):
         """Decide the samples of one hierarchy; returns `COUNTERS` and `MEMORY`."""
         surface, soup = casting.surface, casting.soup
         source = light.position.astype(np.float64)
-        facing, signed = surface.faces.facing, casting.signed
+        facing = surface.faces.facing
         count = len(facing)
         with clock.span("hierarchy"):
             bounds = bounds_with(soup.bounds.astype(np.float64), samples)
@@ -155,7 +146,7 @@ class SmoothCaster(Caster):
         active = [(frame, tree) for frame, tree in zip(frames, trees, strict=True) if tree is not None]
         used = [tree for _, tree in active]
         with clock.span("traversal"):
-            solid = in_clusters(self.clusters, np.where(signed, np.int8(0), facing))
+            solid = in_clusters(self.clusters, np.where(casting.core, facing, np.int8(0)))
             stats = _traverse(self.clusters, solid, active, receivers, None, clock)
         with clock.span("merge"):
             for tree in used:
@@ -164,7 +155,7 @@ class SmoothCaster(Caster):
             whole, buffers = reserve(used, CERTAIN)
             dimming = [counting(casting.weight, casting.source, buffer) for buffer in buffers]
             cast = np.where(casting.weight != 0, casting.facing, np.int8(0))
-            cast[:count][~signed] = 0
+            cast[:count][casting.core] = 0
             for clusters in (self.clusters, casting.added):
                 stats += _traverse(clusters, in_clusters(clusters, cast), active, receivers, dimming, clock)
         with clock.span("merge"):
