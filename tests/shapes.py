@@ -72,6 +72,15 @@ def cone(segments: int) -> Shape:
     return revolve([(0.0, -h, 0.0, -1.0), (r, -h, 0.0, -1.0), (r, -h, x, y), (1e-6, h, x, y)], segments)
 
 
+def lump(segments: int, seed: int, amount: float = 0.3) -> Shape:
+    """A ball with waves of random direction across it; its normals are the ball's."""
+    rng = np.random.default_rng(seed)
+    positions, triangles, normals = sphere(segments)
+    waves, phases = rng.normal(size=(6, 3)) * 2.2, rng.uniform(0, 6, 6)
+    radius = 1 + amount / 2 * np.sin(positions.round(9) @ waves.T + phases).sum(axis=1)
+    return Shape(positions * radius[:, None], triangles, normals)
+
+
 def turned(shape: Shape) -> Shape:
     """The same, turned so that it lies askew to all axes."""
     c, s = math.cos(0.7), math.sin(0.7)

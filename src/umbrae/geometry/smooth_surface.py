@@ -47,12 +47,15 @@ class Boundary(NamedTuple):
         Those between the ends.
     times
         `(k,) int32`: how often each bounds the surface.
+    corners
+        `(k, 3) int32`: welded vertices of the soup around each; those of the edge or of the triangle it crosses.
     """
 
     base: NDArray[np.int32]
     ends: NDArray[np.int32]
     curves: Curves
     times: NDArray[np.int32]
+    corners: NDArray[np.int32]
 
 
 class SmoothSurface(NamedTuple):
@@ -185,6 +188,7 @@ def boundary(
         np.where(base >= vertices, base + shift, base),
         curves.take(edge).between(start[used], stop[used])._replace(p0=places[base[:, 0]], p1=places[base[:, 1]]),
         np.concatenate([multiplicity[whole], breaks.multiplicity])[used],
+        mesh.topology.vertices[edges[edge]][:, [0, 1, 1]],
     )
     across = _through_triangles(mesh, breaks, pieces, moved, outer, shift)
     both = Boundary(
@@ -192,6 +196,7 @@ def boundary(
         np.concatenate([along.ends, across.ends]),
         Curves(*(np.concatenate(pair) for pair in zip(along.curves, across.curves, strict=True))),
         np.concatenate([along.times, across.times]),
+        np.concatenate([along.corners, across.corners]),
     )
     return (np.concatenate([on_soup, moved]) if bulge else on_soup), both
 
@@ -248,7 +253,8 @@ def _through_triangles(
             directions.append(np.where(outer[:, None], direction, units(p1 - p0)))
         curves = curved(p0, p1, *directions)
     base = (len(mesh.positions) + point).astype(np.int32)
-    return Boundary(base, base + np.int32(shift), curves, pieces.times)
+    corners = mesh.welded[mesh.triangles[pieces.crossed]]
+    return Boundary(base, base + np.int32(shift), curves, pieces.times, corners)
 
 
 def bands(surface: SmoothSurface) -> Bands:

@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.clock import Clock
+from umbrae.geometry.bvh import BoxTree
+from umbrae.geometry.bvh import build as build_boxes
 from umbrae.geometry.smooth_surface import SmoothSurface, bands, core
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.light import Light
@@ -18,6 +20,7 @@ from umbrae.methods.lanes import LANES
 from umbrae.methods.light_frame import POSITION_ERROR, light_frames, surface_error
 from umbrae.methods.method import Caster, require_solid
 from umbrae.methods.sample_tree import bounds_with, build, hierarchy_bytes
+from umbrae.methods.smooth.cancelling import settle_doubts
 from umbrae.methods.smooth.crossing_count import CERTAIN, counting, write_counts
 from umbrae.methods.smooth.silhouette import Silhouettes, SmoothMethod
 from umbrae.methods.transmission_buffer import merge_sums, reserve
@@ -68,8 +71,11 @@ class _Casting(NamedTuple):
     weight: NDArray[np.int32]
     source: NDArray[np.int32]
     core: NDArray[np.bool_]
+    corners: NDArray[np.int32]
     facing: NDArray[np.int8]
     added: TriangleClusters
+    doubtful: NDArray[np.int32]
+    boxes: BoxTree
 
 
 class SmoothCaster(Caster):
@@ -119,7 +125,13 @@ class SmoothCaster(Caster):
         weight = np.concatenate([surface.chain, surface.bounds.times[closing.part]]) * facing
         source = np.concatenate([surface.source, np.arange(len(surface.source), len(weight), dtype=np.int32)])
         clusters = cluster_triangles(soup, clock, np.arange(count, len(soup.triangles)))
-        self._kept = _Casting(surface, soup, weight, source, core(self.silhouettes.mesh, surface), facing, clusters)
+        mesh, shades = self.silhouettes.mesh, core(self.silhouettes.mesh, surface)
+        corners = np.concatenate([mesh.welded[mesh.triangles[surface.source]], surface.bounds.corners[closing.part]])
+        counts = weight != 0
+        counts[:count] &= ~shades
+        doubtful = np.flatnonzero(counts).astype(np.int32)
+        boxes = build_boxes(soup.positions, soup.triangles[doubtful])
+        self._kept = _Casting(surface, soup, weight, source, shades, corners, facing, clusters, doubtful, boxes)
         return self._kept
 
     def _shadow_block(
@@ -158,11 +170,17 @@ class SmoothCaster(Caster):
             cast[:count][casting.core] = 0
             for clusters in (self.clusters, casting.added):
                 stats += _traverse(clusters, in_clusters(clusters, cast), active, receivers, dimming, clock)
+        own_surface = surface.chain[:count], self.silhouettes.mesh.turned, surface.faces.values
+        doubt = np.zeros(samples.size, bool)
         with clock.span("merge"):
             for tree, buffer in zip(used, buffers, strict=True):
                 merge_sums(tree.level, buffer)
-                what = facing, surface.chain[:count], self.silhouettes.mesh.turned, surface.faces.values, in_shadow
-                _in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_counts, tree, receivers, buffer, *what)
+                what = tree, receivers, buffer, facing, *own_surface, in_shadow, doubt
+                _in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_counts, *what)
+            settle_doubts(
+                doubt, samples.triangle.reshape(-1), receivers, casting.boxes, casting.doubtful, casting.corners,
+                casting.weight, casting.facing, casting.source, own_surface, in_shadow,
+            )  # fmt: skip
         whole.release()
         leaves.release(sum(len(tree.slot) for tree in used))
         sums = sum(buffer.bytes for buffer in buffers)

@@ -46,10 +46,11 @@ def counting(weight: NDArray[np.int32], source: NDArray[np.int32], buffer: Trans
 
 
 @kernel
-def write_counts(start, stop, tree, receivers, buffer, facing, chain, turned, values, in_shadow):
+def write_counts(start, stop, tree, receivers, buffer, facing, chain, turned, values, in_shadow, doubt):
     """Write the verdicts of leaves `start` to `stop`: in shadow where solid parts shade, or the count is not zero.
 
-    A sample whose own triangle is turned away from the light, by `facing (t,)`, crosses that as well.
+    A sample whose own triangle is turned away from the light, by `facing (t,)`, crosses that as well. `doubt` is set
+    where something is crossed and all of it cancels.
     """
     sums, ids, triangles = buffer.sums, receivers.ids, receivers.triangles
     for number in range(start, stop):
@@ -63,9 +64,11 @@ def write_counts(start, stop, tree, receivers, buffer, facing, chain, turned, va
             own = ids[slot, OWN + lane]
             dark = whole or own == DARK
             if not dark:
-                total = sums[row, lane] + sums[group, child] - sums[row, LANES + lane] - sums[group, LANES + child]
+                forwards = sums[row, lane] + sums[group, child]
+                total = forwards - sums[row, LANES + lane] - sums[group, LANES + child]
                 if own >= 0 and receivers.side[index] * facing[own] < 0:
                     u, v = np.float64(receivers.barycentric[index, 0]), np.float64(receivers.barycentric[index, 1])
                     total += way_at(own, u, v, triangles, chain, turned, values) * facing[own]
                 dark = total != 0
+                doubt[index] = not dark and forwards > 0
             in_shadow[index] = dark

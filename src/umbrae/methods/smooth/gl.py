@@ -37,7 +37,8 @@ class SmoothGl(SmoothMethod):
 
     Deviations from the paper: those of `smooth`; a patch for each part of the contour instead of a strip for each
     loop; one float counter that takes steps, because both halves of a surface, the lit one and the unlit one turned
-    over, bound the volume at the silhouette.
+    over, bound the volume at the silhouette. What cancels in the counter cancels, also where `smooth` looks twice (see
+    `cancelling`): on coarse meshes thin lines of light may be left inside shadows.
     """
 
     name: ClassVar[str] = "smooth-gl"
