@@ -15,6 +15,7 @@ from umbrae.bench.benchmark import Benchmark
 from umbrae.bench.case import LIGHTS
 from umbrae.bench.embree import EmbreexRunner, MitsubaRunner
 from umbrae.bench.flythrough import FlyThrough
+from umbrae.bench.mattausch import run_mattausch
 from umbrae.bench.record import Record
 from umbrae.bench.runner import exact_methods
 from umbrae.bench.scenes import FULL, QUICK, SCENES, default_folder
@@ -128,6 +129,27 @@ def sun(
         record.show(Console(highlight=False))
     if record.broken:
         raise typer.Exit(1)
+
+
+@app.command()
+def mattausch(
+    frames: Annotated[int, typer.Option(min=1, metavar="N", help="Timed frames of each.")] = 7,
+    folder: Models = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file to write.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure smooth shadow boundaries: Table 1 of Mattausch et al. 2012."""
+    clock = Clock() if as_json or quiet else ConsoleClock()
+    if output is not None:
+        files.check_writable(output, (".json",))
+    record = run_mattausch(_models(folder), frames, clock)
+    if output is not None:
+        record.save(output)
+    if as_json:
+        print(json.dumps(record.as_dict()))
+    else:
+        record.show(Console(highlight=False))
 
 
 @app.command()

@@ -197,10 +197,9 @@ def breakpoints(mesh: SmoothMesh, faces: Facing, multiplicity: NDArray[np.int32]
 def cut(mesh: SmoothMesh, faces: Facing, breaks: Breakpoints) -> Cut:
     """Cut the triangles around broken edges along the silhouette."""
     topology = mesh.topology
-    beside = [
-        topology.triangle[topology.offsets[e] : topology.offsets[e + 1]] for e in breaks.edge
-    ]  # a few thousand at most: silhouettes are lines
-    chosen = np.unique(np.concatenate(beside)) if beside else np.zeros(0, np.int32)
+    counts = topology.count[breaks.edge]
+    first = topology.offsets[breaks.edge] - (np.cumsum(counts) - counts)
+    chosen = np.unique(topology.triangle[np.repeat(first, counts) + np.arange(counts.sum())])
     on_sides = np.append(np.diff(breaks.start), 0)[breaks.rank[mesh.edge_of[chosen]]]
     around = 3 + on_sides.sum(axis=1, initial=0)
     room = int(around.sum())

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from umbrae.camera import Camera
 from umbrae.clock import Clock
-from umbrae.geometry.normals import facet_normals
 from umbrae.geometry.smooth_surface import SmoothSurface
 from umbrae.gl.program import program
 from umbrae.light import Light
@@ -110,8 +109,8 @@ class SmoothVolumes(CountingEngine):
             away = self.silhouettes.turned_away(self.surface, samples).reshape(samples.shape)
             in_shadow = ((count != 0) | away) & samples.covered
             if self.surface.is_the_soup:
-                normals = facet_normals(self.scene.positions, self.scene.triangles)
-                return ShadowMask(in_shadow, Guarantee.BANDED, rounding.band(samples, normals), stats=stats)
+                band = rounding.band(samples, self.silhouettes.mesh.facets)
+                return ShadowMask(in_shadow, Guarantee.BANDED, band, stats=stats)
         return ShadowMask(in_shadow, Guarantee.NONE, stats=stats)
 
     def _rounding(self, light: Light, camera: Camera) -> Rounding:

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.geometry.hermite import Curves
-from umbrae.geometry.normals import facet_normals
 from umbrae.geometry.vectors import dot, row, scale, subtract
 from umbrae.light import Light
 from umbrae.parallel import kernel, run, thread_count
@@ -47,8 +46,8 @@ class ReceiverScale:
     levels: list[NDArray[np.float32]]
 
     @classmethod
-    def of(cls, scene: Scene, light: Light, samples: ViewSamples) -> "ReceiverScale":
-        """Look at all covered samples of a picture."""
+    def of(cls, scene: Scene, normals: NDArray[np.float32], light: Light, samples: ViewSamples) -> "ReceiverScale":
+        """Look at all covered samples of a picture; `normals (t, 3)` are the facets' own."""
         camera = samples.camera
         assert camera is not None
         source = light.position.astype(np.float64)
@@ -62,7 +61,6 @@ class ReceiverScale:
         step = -(-samples.size // tasks)
         parts = np.zeros((tasks, CELLS, CELLS, CELLS), np.float32)
         what = samples.triangle.reshape(-1), samples.position.reshape(-1, 3)
-        normals = facet_normals(scene.positions, scene.triangles)
         picture = camera.eye, camera.axes, camera.pixel_size
 
         def task(i: int) -> None:

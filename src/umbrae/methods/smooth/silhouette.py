@@ -109,7 +109,7 @@ class Silhouettes:
             in_world = np.inf if in_picture is not None else _FINE * extent
         if in_picture is None:
             return lambda curves: np.full(len(curves.p0), in_world)
-        scale = ReceiverScale.of(self.scene, light, samples)
+        scale = ReceiverScale.of(self.scene, self.mesh.facets, light, samples)
 
         def within(curves: Curves) -> NDArray[np.float64]:
             with np.errstate(divide="ignore"):
