@@ -74,4 +74,5 @@ def test_compact_objects_are_compact():
     whole = np.zeros(4000, np.int32)
     compact = compact_objects(corners, triangles, whole, 64)
     lower, upper = object_boxes(corners, triangles, compact, compact.max() + 1)
-    assert np.prod(upper - lower, axis=1).sum() < 2.5 * 104.0**3
+    # In a random order each of the 63 boxes would fill the whole.
+    assert np.prod(upper - lower, axis=1).sum() < 4 * 104.0**3

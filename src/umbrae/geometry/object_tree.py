@@ -46,8 +46,9 @@ def object_boxes(
 def object_tree(lower: Boxes, upper: Boxes) -> ObjectTree:
     """A tree over boxes `(n, 3)`; empty boxes come last."""
     count = len(lower)
-    full = (lower <= upper).all(axis=1)
-    middle = np.where(full[:, None], lower.astype(np.float64) / 2 + upper.astype(np.float64) / 2, 0.0)
+    full: NDArray[np.bool_] = np.all(lower <= upper, axis=1)
+    middle = np.zeros((count, 3))
+    middle[full] = lower[full].astype(np.float64) / 2 + upper[full].astype(np.float64) / 2
     along = np.flatnonzero(full)
     along = along[np.argsort(morton3(middle[along]), kind="stable")]
     leaves = 1 << max(0, int(np.ceil(np.log2(max(1, count)))))
