@@ -278,6 +278,7 @@ def test_empty_scene_and_no_samples():
     )
     assert Frustum().options() == {
         "light_samples": 32,
+        "culling": True,
         "front_face_culling": False,
         "transparency": "exact",
         "seed": 0,

@@ -17,12 +17,12 @@ from umbrae.methods.area_frustum import check_light_samples, shadow_of_area
 from umbrae.methods.frustum_leaves import COUNTERS, Receivers
 from umbrae.methods.frustum_transmission import Dimming, cover_queued
 from umbrae.methods.frustum_traversal import CLUSTERS, merge, traverse_batch, write_out
-from umbrae.methods.lanes import LANES
 from umbrae.methods.light_frame import POSITION_ERROR, LightFrame, light_frames, surface_error
+from umbrae.methods.lit_clusters import LitClusters
 from umbrae.methods.method import Caster, Method, check_transparency
 from umbrae.methods.sample_tree import SampleTree, bounds_with, build, hierarchy_bytes
 from umbrae.methods.transmission_buffer import Dice, leave_out, light_or_dark, merge_sums, reserve, terms, write_shares
-from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles, light_sides
+from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles
 from umbrae.parallel import run, thread_count
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
@@ -77,6 +77,9 @@ class Frustum(Method):
 
     Options
     -------
+    culling
+        Leave out clusters of triangles whose box, and what lies below it in the light's view, meets no sample (see
+        `cluster_culling`), before anything is computed about their triangles. It never changes a mask.
     front_face_culling
         Leave half of each solid's triangles out (section 3.5): a ray that crosses a closed surface crosses triangles
         that face the light and triangles that face away in pairs. The paper drops the former, or the latter; here it
@@ -98,6 +101,7 @@ class Frustum(Method):
         let light through, these points are the same for all samples, tested one after the other.
     """
 
+    culling: bool = True
     front_face_culling: bool = False
     transparency: str = "exact"
     seed: int = 0
@@ -123,12 +127,15 @@ class _Sheer(NamedTuple):
     clusters: TriangleClusters
 
 
-class _Sides(NamedTuple):
-    """The side of triangles that the light is on: of all but clear ones `(t,)`, of clusters of solid and sheer ones."""
+class _Lit(NamedTuple):
+    """Clusters of solid and of sheer triangles under one light."""
 
-    own: NDArray[np.int8]
-    solid: NDArray[np.int8]
-    sheer: NDArray[np.int8]
+    solid: LitClusters
+    sheer: LitClusters | None
+
+    @property
+    def all(self) -> list[LitClusters]:
+        return [self.solid] if self.sheer is None else [self.solid, self.sheer]
 
 
 class FrustumCaster(Caster):
@@ -167,11 +174,10 @@ class FrustumCaster(Caster):
             return shadow_of_area(self.scene, self.clusters, self.solids, light, samples, count, clock)
         in_shadow = np.zeros(samples.size, bool)
         partial = None if self.sheer is None else np.empty((samples.size, 3), np.float32)
-        stats, memory = np.zeros(len(COUNTERS), np.int64), (0, 0)
+        stats, memory, culled = np.zeros(len(COUNTERS), np.int64), (0, 0), 0
         if len(self.scene.triangles) and samples.size:
             source = light.position.astype(np.float64)
-            with clock.span("facing"):
-                sides = self._sides(source, clock)
+            lit = self._lit(source, samples, clock)
             width = samples.size // samples.shape[0]
             step = max(4, BLOCK // width // 4 * 4)
             by_chance = self.method.transparency == "stochastic"
@@ -182,11 +188,12 @@ class FrustumCaster(Caster):
                 part = slice(start * width, (start + step) * width)
                 dice = Dice(strata if by_chance else 0, key, start * width)
                 shares = None if partial is None else partial[part]
-                done, used = self._shadow_block(source, block, sides, dice, in_shadow[part], shares, clock)
+                done, used = self._shadow_block(source, block, lit, dice, in_shadow[part], shares, clock)
                 stats += done
                 # One block after the other, in the same memory.
                 memory = max(memory[0], used[0]), max(memory[1], used[1])
-        counters = dict(zip((*COUNTERS, *MEMORY), (*stats.tolist(), *memory), strict=True))
+            culled = sum(one.culled for one in lit.all)
+        counters = dict(zip((*COUNTERS, *MEMORY), (*stats.tolist(), *memory), strict=True)) | {"culled": culled}
         in_shadow = in_shadow.reshape(samples.shape)
         if partial is None:
             return ShadowMask(in_shadow, Guarantee.EXACT, stats=counters)
@@ -195,21 +202,25 @@ class FrustumCaster(Caster):
             return ShadowMask(in_shadow, Guarantee.NONE, stats=counters, partial=partial)
         return ShadowMask(in_shadow, Guarantee.EXACT, stats=counters, partial=partial, tolerance=TOLERANCE)
 
-    def _sides(self, source: NDArray[np.float64], clock: Clock) -> _Sides:
+    def _lit(self, source: NDArray[np.float64], samples: ViewSamples, clock: Clock) -> _Lit:
+        """All clusters under a light `(4,)`, with the sides of those that samples lie on."""
         own = np.zeros(len(self.scene.triangles), np.int8)
-        clustered = light_sides(self.scene, self.clusters, source, own, clock)
-        sheer = np.zeros((0, LANES), np.int8)
-        if self.sheer is not None:
-            sheer = light_sides(self.scene, self.sheer.clusters, source, own, clock)
-        if self.solids is not None:
-            self._cull(self.solids, source, clustered)
-        return _Sides(own, clustered, sheer)
+        solid = LitClusters(self.scene, self.clusters, source, own)
+        sheer = None if self.sheer is None else LitClusters(self.scene, self.sheer.clusters, source, own)
+        lit = _Lit(solid, sheer)
+        with clock.span("facing"):
+            for one in lit.all:
+                if self.method.culling:
+                    one.find_seen(samples.triangle.reshape(-1), clock)
+                else:
+                    one.find(np.ones(len(one.sides), bool), clock)
+        return lit
 
     def _shadow_block(
         self,
         source: NDArray[np.float64],
         samples: ViewSamples,
-        sides: _Sides,
+        lit: _Lit,
         dice: Dice,
         in_shadow: NDArray[np.bool_],
         partial: NDArray[np.float32] | None,
@@ -223,16 +234,21 @@ class FrustumCaster(Caster):
             error = POSITION_ERROR * largest + surface_error(bounds) if on_surface else 0.0
             frames = light_frames(source, bounds, error)
             limits = error, 2.0**-50 * largest
-            shading = sides.own if self.solid is None else np.where(self.solid, sides.own, np.int8(0))
+            own = lit.solid.own
+            shading = own if self.solid is None else np.where(self.solid, own, np.int8(0))
             covered = samples.covered.reshape(-1)
             if self.sheer is not None:
-                covered = self._not_behind_own(self.sheer.table, samples, sides.own, in_shadow, clock)
+                covered = self._not_behind_own(self.sheer.table, samples, own, in_shadow, clock)
             leaves, trees = build(samples, covered, shading, source, frames, limits, in_shadow, clock)
         raw = samples.barycentric.reshape(-1, 2), samples.side.reshape(-1), samples.position.reshape(-1, 3)
         receivers = Receivers(self.scene.positions, self.scene.triangles, source, *leaves[:3], *raw)
         active = [(frame, tree) for frame, tree in zip(frames, trees, strict=True) if tree is not None]
+        with clock.span("culling"):
+            chosen = lit.solid.choose(active, self.method.culling, clock)
+            if self.solids is not None:
+                self._cull(self.solids, source, lit.solid.sides)
         with clock.span("traversal"):
-            stats = _traverse(self.clusters, sides.solid, active, receivers, None, clock)
+            stats = traverse(self.clusters, lit.solid.sides, active, chosen, receivers, None, clock)
         with clock.span("merge"):
             for _, tree in active:
                 merge(tree.level, tree.full)
@@ -241,8 +257,8 @@ class FrustumCaster(Caster):
                     _in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_out, *verdicts)
         used = [tree for _, tree in active]
         flags, sums = sum(tree.full.nbytes for tree in used), 0
-        if self.sheer is not None and partial is not None:
-            dimmed, sums = self._dim(self.sheer, sides, dice, active, receivers, in_shadow, partial, clock)
+        if self.sheer is not None and lit.sheer is not None and partial is not None:
+            dimmed, sums = self._dim(self.sheer, lit.sheer, dice, active, receivers, in_shadow, partial, clock)
             stats += dimmed
         leaves.release(sum(len(tree.slot) for tree in used))
         return stats, (hierarchy_bytes(leaves, used), flags + sums)
@@ -250,7 +266,7 @@ class FrustumCaster(Caster):
     def _dim(
         self,
         sheer: _Sheer,
-        sides: _Sides,
+        lit: LitClusters,
         dice: Dice,
         active: list[tuple[LightFrame, SampleTree]],
         receivers: Receivers,
@@ -266,12 +282,13 @@ class FrustumCaster(Caster):
             _in_parts(len(partial), _SAMPLES_PER_TASK, clock, light_or_dark, in_shadow, partial)
             whole, buffers = reserve([tree for _, tree in active], dice)
             dimming = [Dimming(sheer.table, sheer.even, buffer, dice, *_queue(0), _ITSELF) for buffer in buffers]
-            stats = _traverse(sheer.clusters, sides.sheer, active, receivers, dimming, clock)
+            chosen = lit.choose(active, self.method.culling, clock)
+            stats = traverse(sheer.clusters, lit.sides, active, chosen, receivers, dimming, clock)
         with clock.span("merge"):
             for (_, tree), buffer in zip(active, buffers, strict=True):
                 if dice.strata == 0:
                     merge_sums(tree.level, buffer)
-                what = tree, receivers, sides.own, sheer.table, buffer, dice, in_shadow, partial
+                what = tree, receivers, lit.own, sheer.table, buffer, dice, in_shadow, partial
                 _in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_shares, *what)
         whole.release()
         return stats, sum(buffer.bytes for buffer in buffers)
@@ -299,38 +316,42 @@ class FrustumCaster(Caster):
         sides[culled & (sides < 0)] = 0
 
 
-def _traverse(
+def traverse(
     clusters: TriangleClusters,
     facing: NDArray[np.int8],
     active: list[tuple[LightFrame, SampleTree]],
+    chosen: list[NDArray[np.intp]],
     receivers: Receivers,
     dimming: list[Dimming] | None,
     clock: Clock,
 ) -> NDArray[np.int64]:
-    """Send clusters down the trees, all threads; `dimming`, one for each tree, for triangles that let light through."""
-    total = np.zeros(len(COUNTERS), np.int64)
-    corners, boxes, order, _ = clusters
-    count = len(corners)
-    if not active or count == 0:
-        return total
-    step = min(CLUSTERS, -(-count // (8 * thread_count())))
-    batches = -(-count // step)
+    """Send the clusters `chosen` for each tree down it, all threads.
+
+    `dimming`, one for each tree, for triangles that let light through.
+    """
+    batches = []
+    for place, numbers in enumerate(chosen):
+        step = min(CLUSTERS, -(-len(numbers) // (8 * thread_count()))) or 1
+        batches += [(place, start, min(start + step, len(numbers))) for start in range(0, len(numbers), step)]
 
     def task(number: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        frame, tree = active[number // batches]
-        start, stop = number % batches * step, min((number % batches + 1) * step, count)
+        place, start, stop = batches[number]
+        frame, tree = active[place]
         stats = np.zeros(len(COUNTERS), np.int64)
         queue, queued = _queue(0 if dimming is None else QUEUE)
-        mine = None if dimming is None else dimming[number // batches]._replace(queue=queue, queued=queued)
-        traverse_batch(corners, boxes, order, facing, frame, start, stop, tree, receivers, stats, mine)
+        mine = None if dimming is None else dimming[place]._replace(queue=queue, queued=queued)
+        what = clusters.corners, clusters.order, facing, frame, chosen[place], start, stop
+        traverse_batch(*what, tree, receivers, stats, mine)
         return stats, queue[: queued[0]].copy()
 
-    done = run(task, batches * len(active), clock)
-    total += np.sum([stats for stats, _ in done], axis=0, dtype=np.int64)
+    done = run(task, len(batches), clock)
+    zero = np.zeros(len(COUNTERS), np.int64)
+    total: NDArray[np.int64] = np.sum([zero, *(stats for stats, _ in done)], axis=0, dtype=np.int64)
     if dimming is not None:
         for place, (_, tree) in enumerate(active):
-            queues = [queue for _, queue in done[place * batches : (place + 1) * batches]]
-            total += _cover_queued(np.concatenate(queues), tree, receivers, dimming[place], clock)
+            queues = [queue for (of, _, _), (_, queue) in zip(batches, done, strict=True) if of == place]
+            if queues:
+                total += _cover_queued(np.concatenate(queues), tree, receivers, dimming[place], clock)
     return total
 
 

@@ -33,6 +33,7 @@ from umbrae.methods.frustum_setup import (
 from umbrae.methods.frustum_transmission import accept_node, dim_leaf
 from umbrae.methods.lanes import ALL, LANES, choose, count, equal, largest, load, lowest, prefetch, smallest, splat
 from umbrae.methods.sample_clusters import DARK, OWN, QMAX, QMIN, SAMPLE, XMAX, XMIN, YMAX, YMIN
+from umbrae.methods.triangle_clusters import bring_near
 from umbrae.parallel import expand, inline, kernel
 
 CLUSTERS = 256
@@ -95,28 +96,6 @@ def _common_bounds(rects, cluster, mask, outer):
 
 
 @inline
-def _beside(boxes, cluster, light, frame, xmin, xmax, ymin, ymax):
-    """Whether a cluster's box surely lies behind a point light's frame, or beside the pyramid of the root's box."""
-    if xmin == -np.inf:
-        return False  # around samples of unsure direction
-    a, b, c = frame.axis_a, frame.axis_b, frame.axis_c
-    low, high = boxes[cluster, 0, c] - light[c], boxes[cluster, 1, c] - light[c]
-    near, far = max(0.0, low if frame.sign > 0.0 else -high), high if frame.sign > 0.0 else -low
-    if far <= 0.0:
-        return True
-    # Linear in depth: what holds at both ends holds between. The margin covers these few roundings many times over.
-    for axis, start, half, least, most in ((a, frame.x0, frame.hx, xmin, xmax), (b, frame.y0, frame.hy, ymin, ymax)):
-        low, high = boxes[cluster, 0, axis] - light[axis], boxes[cluster, 1, axis] - light[axis]
-        least, most = start + half * least, start + half * most
-        margin = 1e-9 * (abs(low) + abs(high) + (abs(start) + half) * far)
-        if low - most * near > margin and low - most * far > margin:
-            return True
-        if high - least * near < -margin and high - least * far < -margin:
-            return True
-    return False
-
-
-@inline
 def _hand_down(listed, masked, entries, outer, box, full, group, child_list, child_mask, child_count):
     """Give each child of a node those clusters whose bounds meet its box; returns the mask of children with any."""
     child_count[:] = 0
@@ -159,8 +138,8 @@ def _bring_near(visited, number, slots, leaf_place, leaf_ids, leaf_box):
 
 
 @kernel
-def traverse_batch(corners, boxes, order, facing_of, frame, start, stop, tree, receivers, stats, dimming):
-    """Rasterize the frusta of clusters `start` to `stop` over one sample tree; where `facing_of` is 0, none is cast.
+def traverse_batch(corners, order, facing_of, frame, chosen, start, stop, tree, receivers, stats, dimming):
+    """Rasterize the frusta of clusters `chosen[start:stop]` over one sample tree; where `facing_of` is 0, none is cast.
 
     `dimming` is None for solid triangles, for others what `frustum_transmission` needs: what is accepted then dims
     the samples below instead of ending the search.
@@ -186,9 +165,10 @@ def traverse_batch(corners, boxes, order, facing_of, frame, start, stop, tree, r
     xmin, xmax, ymin, ymax = box[group, 0], box[group, XMAX * LANES], box[group, YMIN * LANES], box[group, YMAX * LANES]
     qmin = box[group, QMIN * LANES]
     clusters = 0
-    for cluster in range(start, stop):
-        if light[3] != 0.0 and _beside(boxes, cluster, light, frame, xmin, xmax, ymin, ymax):
-            continue
+    flat = corners.reshape(len(corners), 9 * LANES)
+    for at in range(start, stop):
+        bring_near(flat, chosen, at, stop)
+        cluster = chosen[at]
         bound_frusta(corners, cluster, light, frame, rects, clusters)
         mask = _meeting(rects, clusters, xmin, xmax, ymin, ymax, qmin)
         mask &= ~equal(facing_of, cluster, 0, np.int8(0))

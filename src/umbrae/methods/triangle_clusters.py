@@ -1,4 +1,4 @@
-"""Triangles in clusters of 16 neighbours: the order in which they are visited, their bounds and facing."""
+"""Triangles in clusters of 16 neighbours: the order in which they are visited, and boxes around them."""
 
 from typing import NamedTuple
 
@@ -6,29 +6,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.clock import Clock
-from umbrae.geometry.predicates import facing
 from umbrae.methods.counting_sort import sort_by_key
-from umbrae.methods.frustum_setup import side_of_light
-from umbrae.methods.lanes import LANES
+from umbrae.methods.lanes import LANES, largest, load, prefetch, smallest
 from umbrae.parallel import expand, kernel, run
 from umbrae.scene import Scene
 
 _CHUNK = 1024
-"""Clusters per task."""
+"""Clusters per task: whole rows of both levels of boxes."""
 
 
 class TriangleClusters(NamedTuple):
     """Neighbouring triangles by sixteens.
 
     `corners` `(c, 3, 3, 16)` the three corners, axis by axis, of the triangles in each cluster (the last one is filled
-    up with copies of the last triangle); `boxes` `(c, 2, 3)` the bounds of each; `order` `(t,)` the triangles' numbers
-    in the scene; `bounds` `(2, 3)` of all.
+    up with copies of the last triangle); `boxes` `(g, 6 LANES)` in each of the first `groups` rows the xmin, xmax, ymin
+    ... of 16 clusters, for all 16 each, and in each row after them those of 16 such rows, empty where there is
+    none; `order` `(t,)` the triangles' numbers in the scene; `bounds` `(2, 3)` of all; `in_order` whether these are all
+    triangles of the scene in its own order.
     """
 
     corners: NDArray[np.float32]
     boxes: NDArray[np.float32]
     order: NDArray[np.int32]
     bounds: NDArray[np.float64]
+    in_order: bool
+
+    @property
+    def groups(self) -> int:
+        """How many rows of `boxes` are those of clusters."""
+        return -(-len(self.corners) // LANES)
+
+    def triangles_in(self, chosen: NDArray[np.bool_]) -> int:
+        """How many triangles the `chosen (c,)` clusters hold."""
+        last = len(self.order) - LANES * (len(chosen) - 1)
+        return int(LANES * chosen[:-1].sum() + last * chosen[-1:].sum())
 
 
 def cluster_triangles(scene: Scene, clock: Clock | None, chosen: NDArray[np.intp] | None = None) -> TriangleClusters:
@@ -40,9 +51,10 @@ def cluster_triangles(scene: Scene, clock: Clock | None, chosen: NDArray[np.intp
     count = len(order)
     clusters = -(-count // LANES)
     corners = np.empty((clusters, 3, 3, LANES), np.float32)
-    boxes = np.empty((clusters, 2, 3), np.float32)
+    groups = -(-clusters // LANES)
+    boxes = np.empty((groups + -(-groups // LANES), 6 * LANES), np.float32)
     if count == 0:
-        return TriangleClusters(corners, boxes, order, np.zeros((2, 3)))
+        return TriangleClusters(corners, boxes, order, np.zeros((2, 3)), False)
     bounds, apart = _gather(scene, order, corners, boxes, clock)
     if apart:
         keys = np.empty(count, np.int64)
@@ -58,7 +70,7 @@ def cluster_triangles(scene: Scene, clock: Clock | None, chosen: NDArray[np.intp
         sort_by_key(rank, keys, 30 - bits, along, np.zeros((1 << bits) + 1, np.int32))
         order = order[along]
         _gather(scene, order, corners, boxes, clock)
-    return TriangleClusters(corners, boxes, order, bounds)
+    return TriangleClusters(corners, boxes, order, bounds, chosen is None and not apart)
 
 
 def _gather(
@@ -79,28 +91,9 @@ def _gather(
 
     run(task, chunks, clock)
     of_clusters, of_triangles = extents.sum(axis=0)
-    bounds = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]).astype(np.float64)
+    around = boxes[-(-clusters // LANES) :].reshape(-1, 3, 2, LANES)
+    bounds = np.stack([around[:, :, 0].min(axis=(0, 2)), around[:, :, 1].max(axis=(0, 2))]).astype(np.float64)
     return bounds, bool(of_clusters > of_triangles)
-
-
-def light_sides(
-    scene: Scene,
-    clusters: TriangleClusters,
-    light: NDArray[np.float64],
-    of_scene: NDArray[np.int8],
-    clock: Clock | None,
-) -> NDArray[np.int8]:
-    """Exact side of each triangle's plane that the light is on, 0 edge-on: `(c, 16)`, and into `of_scene (t,)`."""
-    corners, order = clusters.corners, clusters.order
-    count = len(corners)
-    of_clusters = np.empty((count, LANES), np.int8)
-
-    def task(chunk: int) -> None:
-        start, stop = chunk * _CHUNK, min((chunk + 1) * _CHUNK, count)
-        face_light(scene.positions, scene.triangles, corners, order, light, start, stop, of_clusters, of_scene)
-
-    run(task, -(-count // _CHUNK), clock)
-    return of_clusters
 
 
 @kernel
@@ -108,6 +101,13 @@ def gather(positions, triangles, order, start, stop, corners, boxes, extents):
     """Copy the corners of clusters `start` to `stop`, bound them, and sum up extents: of clusters, of triangles."""
     extents[:] = 0.0
     last = len(order) - 1
+    first, end = start // LANES, -(-stop // LANES)
+    groups = -(-len(corners) // LANES)
+    above, top = groups + first // LANES, groups + -(-end // LANES)
+    for axis in range(3):
+        for part, nothing in ((2 * axis, np.inf), (2 * axis + 1, -np.inf)):
+            boxes[end - 1, part * LANES : (part + 1) * LANES] = nothing
+            boxes[top - 1, part * LANES : (part + 1) * LANES] = nothing
     for cluster in range(start, stop):
         for lane in range(LANES):
             t = order[min(cluster * LANES + lane, last)]
@@ -117,9 +117,16 @@ def gather(positions, triangles, order, start, stop, corners, boxes, extents):
                     corners[cluster, number, axis, lane] = positions[vertex, axis]
         for axis in range(3):
             low, high, total = extents_along(corners, cluster, axis)
-            boxes[cluster, 0, axis], boxes[cluster, 1, axis] = low, high
+            at = 2 * axis * LANES + cluster % LANES
+            boxes[cluster // LANES, at], boxes[cluster // LANES, at + LANES] = low, high
             extents[0] += high - low
             extents[1] += total
+    for group in range(first, end):
+        for axis in range(3):
+            at = 2 * axis * LANES
+            around = above + (group - first) // LANES
+            boxes[around, at + group % LANES] = smallest(load(boxes, group, at))
+            boxes[around, at + LANES + group % LANES] = largest(load(boxes, group, at + LANES))
 
 
 @expand
@@ -149,17 +156,12 @@ def curve_keys(corners, count, origin, scale, start, stop, keys):
         keys[t] = key
 
 
-@kernel
-def face_light(positions, triangles, corners, order, light, start, stop, of_clusters, of_scene):
-    """Exact side of the planes of clusters `start` to `stop` that the light is on."""
-    side = np.empty(LANES)
-    for cluster in range(start, stop):
-        side_of_light(corners, cluster, light, side)
-        for lane in range(LANES):
-            number = cluster * LANES + lane
-            of_clusters[cluster, lane] = 0
-            if number < len(order):
-                t = order[number]
-                exact = np.int64(side[lane]) if side[lane] != 0.0 else facing(positions, triangles, t, light)
-                of_clusters[cluster, lane] = exact
-                of_scene[t] = exact
+@expand
+def bring_near(rows, chosen, place, stop):
+    """Prefetch the cluster that comes three after `chosen[place]`, from `corners` as `(c, 9 LANES)`.
+
+    It lies anywhere in memory; in order, too, its nine cache lines are more than the processor sees coming.
+    """
+    ahead = chosen[min(place + 3, stop - 1)]
+    for part in range(9):
+        prefetch(rows, ahead, part * LANES)

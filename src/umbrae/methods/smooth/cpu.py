@@ -13,7 +13,8 @@ from umbrae.geometry.smooth_surface import SmoothSurface, bands, core
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
-from umbrae.methods.frustum_cpu import BLOCK, MEMORY, _in_parts, _traverse
+from umbrae.methods.cluster_culling import choose_clusters
+from umbrae.methods.frustum_cpu import BLOCK, MEMORY, _in_parts, traverse
 from umbrae.methods.frustum_leaves import COUNTERS, Receivers
 from umbrae.methods.frustum_traversal import merge
 from umbrae.methods.lanes import LANES
@@ -50,7 +51,16 @@ class Smooth(SmoothMethod):
 
     What it promises: nothing about the triangles' own shadow, which it changes on purpose. In connected parts without
     smooth normals, and with the discrete silhouette, verdicts are those of `frustum`.
+
+    Options
+    -------
+    culling
+        That of `frustum`.
+    silhouette, epsilon, epsilon_px
+        See `SmoothMethod`.
     """
+
+    culling: bool = True
 
     name: ClassVar[str] = "smooth"
     paper: ClassVar[str] = "Mattausch, Scherzer, Wimmer, Igarashi 2012"
@@ -93,6 +103,7 @@ class SmoothCaster(Caster):
         clock = clock or Clock()
         in_shadow = np.zeros(samples.size, bool)
         stats, memory = np.zeros(len(COUNTERS), np.int64), (0, 0)
+        chosen = np.zeros(len(self.clusters.corners), bool)
         if not len(self.scene.triangles) or not samples.size:
             return ShadowMask(in_shadow.reshape(samples.shape), Guarantee.EXACT)
         with clock.span("contours"):
@@ -102,10 +113,11 @@ class SmoothCaster(Caster):
         for start in range(0, samples.shape[0], step):
             block = samples if step >= samples.shape[0] else samples.rows(start, start + step)
             part = slice(start * width, (start + step) * width)
-            done, used = self._shadow_block(light, block, casting, in_shadow[part], clock)
+            done, used = self._shadow_block(light, block, casting, chosen, in_shadow[part], clock)
             stats += done
             memory = max(memory[0], used[0]), max(memory[1], used[1])
         counters = dict(zip((*COUNTERS, *MEMORY), (*stats.tolist(), *memory), strict=True))
+        counters["culled"] = self.clusters.triangles_in(~chosen)
         counters["contour_edges"] = int(casting.surface.chords.sum())
         guarantee = Guarantee.EXACT if casting.surface.is_the_soup else Guarantee.NONE
         return ShadowMask(in_shadow.reshape(samples.shape), guarantee, stats=counters)
@@ -135,9 +147,18 @@ class SmoothCaster(Caster):
         return self._kept
 
     def _shadow_block(
-        self, light: Light, samples: ViewSamples, casting: _Casting, in_shadow: NDArray[np.bool_], clock: Clock
+        self,
+        light: Light,
+        samples: ViewSamples,
+        casting: _Casting,
+        chosen: NDArray[np.bool_],
+        in_shadow: NDArray[np.bool_],
+        clock: Clock,
     ) -> tuple[NDArray[np.int64], tuple[int, int]]:
-        """Decide the samples of one hierarchy; returns `COUNTERS` and `MEMORY`."""
+        """Decide the samples of one hierarchy; returns `COUNTERS` and `MEMORY`.
+
+        Marks the `chosen (c,)` clusters of the mesh, which went down it.
+        """
         surface, soup = casting.surface, casting.soup
         source = light.position.astype(np.float64)
         facing = surface.faces.facing
@@ -159,7 +180,8 @@ class SmoothCaster(Caster):
         used = [tree for _, tree in active]
         with clock.span("traversal"):
             solid = in_clusters(self.clusters, np.where(casting.core, facing, np.int8(0)))
-            stats = _traverse(self.clusters, solid, active, receivers, None, clock)
+            numbers = choose_clusters(self.clusters, source, active, self.method.culling, chosen, clock)
+            stats = traverse(self.clusters, solid, active, numbers, receivers, None, clock)
         with clock.span("merge"):
             for tree in used:
                 merge(tree.level, tree.full)
@@ -168,8 +190,10 @@ class SmoothCaster(Caster):
             dimming = [counting(casting.weight, casting.source, buffer) for buffer in buffers]
             cast = np.where(casting.weight != 0, casting.facing, np.int8(0))
             cast[:count][casting.core] = 0
-            for clusters in (self.clusters, casting.added):
-                stats += _traverse(clusters, in_clusters(clusters, cast), active, receivers, dimming, clock)
+            bands_too = np.zeros(len(casting.added.corners), bool)
+            for clusters, marks in ((self.clusters, chosen), (casting.added, bands_too)):
+                numbers = choose_clusters(clusters, source, active, self.method.culling, marks, clock)
+                stats += traverse(clusters, in_clusters(clusters, cast), active, numbers, receivers, dimming, clock)
         own_surface = surface.chain[:count], self.silhouettes.mesh.turned, surface.faces.values
         doubt = np.zeros(samples.size, bool)
         with clock.span("merge"):
