@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from soups import SOUPS
+from test_contract import CASES, image_samples, lights_of
 from truth import lattice_soup, random_samples, random_soup
 from umbrae import Camera, Light, Material, Scene, ViewSamples, sample, shadow, verify
 from umbrae.methods import make_method
@@ -280,6 +282,12 @@ def test_boxes_hold_their_clusters_and_rows_of_them():
     np.testing.assert_array_equal(rows[18], low[288:].min(axis=0))
     assert (rows[19:] == np.inf).all()
     np.testing.assert_array_equal(clusters.bounds, scene.bounds)
+
+
+@pytest.mark.parametrize(("method", "name", "kind"), [case for case in CASES if case[0] in CULLING])
+def test_small_scenes_look_the_same_without(method, name, kind):
+    soup = SOUPS[name]
+    same(*both(soup.scene, lights_of(soup)[kind], image_samples(soup.scene, soup), method))
 
 
 @pytest.mark.parametrize("method", CULLING)

@@ -146,6 +146,25 @@ def no_opengl(monkeypatch):
     monkeypatch.setattr("umbrae.methods.volumes.caster.session", missing)
 
 
+@pytest.mark.parametrize("method", ["frustum", "smooth"])
+def test_no_culling_asks_every_triangle(capsys, method):
+    up = "--eye 0,0.5,-3 --target 0,9,-4 --size 32x18 --sun 120,40 --json"  # past the roof, where hardly anything is
+    masks = []
+    for more in ("", "--no-culling"):
+        assert umbrae(f"render roof.glb {up} --method {method} --npz seen.npz {more}") == 0
+        facts = json.loads(capsys.readouterr().out)
+        assert facts["options"]["culling"] is (not more)
+        assert (facts["lights"][0]["stats"]["culled"] > 0) is (not more)
+        masks.append(np.load("seen.npz")["in_shadow"])
+    np.testing.assert_array_equal(*masks)
+    assert umbrae("verify roof.glb --size 64x36 --count 500 --sun 120,40 --no-culling") == 0
+
+
+def test_a_method_that_never_culls_has_no_such_option(capsys):
+    assert umbrae("verify roof.glb --method oracle --no-culling") == 2
+    assert line(capsys.readouterr().err).startswith("umbrae: error: method oracle has no option culling")
+
+
 def test_without_opengl_there_is_one_line(capsys, no_opengl):
     for command in ("render", "verify"):
         assert umbrae(f"{command} roof.glb --method silhouette-cpu --size 32x18 -q") == 2

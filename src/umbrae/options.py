@@ -83,6 +83,9 @@ EpsilonPx = Annotated[
     float | None,
     typer.Option("--epsilon-px", metavar="PIXELS", help="How far the shadows of those chords may be off; 0.25."),
 ]
+NoCulling = Annotated[
+    bool, typer.Option("--no-culling", help="Ask every triangle, also those that surely shade nothing in the picture.")
+]
 Opaque = Annotated[
     bool, typer.Option("--opaque", help="Take every surface as solid: no holes, nothing lets light through.")
 ]

@@ -30,6 +30,7 @@ from umbrae.options import (
     LightSamples,
     MethodName,
     Model,
+    NoCulling,
     Opaque,
     Points,
     Quiet,
@@ -70,6 +71,7 @@ def render(
     counting: Counting = None,
     determinism: Determinism = None,
     counter: Counter = None,
+    no_culling: NoCulling = False,
     silhouette: Silhouette = None,
     epsilon: Epsilon = None,
     epsilon_px: EpsilonPx = None,
@@ -113,7 +115,7 @@ def render(
     clock = Clock() if as_json or quiet else ConsoleClock()
     options = given(
         counting=counting, determinism=determinism, counter=counter, light_samples=light_samples,
-        silhouette=silhouette, epsilon=epsilon, epsilon_px=epsilon_px,
+        silhouette=silhouette, epsilon=epsilon, epsilon_px=epsilon_px, culling=False if no_culling else None,
     )  # fmt: skip
     algorithm = make_method(method, **options)
     filtered, sized = is_filtered(antialiasing, samples_per_pixel, algorithm), light_radius > 0 or sun_diameter > 0

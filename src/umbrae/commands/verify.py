@@ -24,6 +24,7 @@ from umbrae.options import (
     Fov,
     Json,
     Model,
+    NoCulling,
     Opaque,
     Points,
     Quiet,
@@ -77,6 +78,7 @@ def verify(
     counting: Counting = None,
     determinism: Determinism = None,
     counter: Counter = None,
+    no_culling: NoCulling = False,
     count: Annotated[int, typer.Option(min=1, metavar="N", help="Samples to check.")] = 20_000,
     size: SizeOption = DEFAULT_SIZE,
     eye: Eye = None,
@@ -93,7 +95,9 @@ def verify(
     """Compare random samples of a picture with the oracle; exit status 1 if a method breaks its guarantee."""
     clock = Clock() if as_json or quiet else ConsoleClock()
     every = method == EVERY
-    algorithms = _algorithms(method, given(counting=counting, determinism=determinism, counter=counter))
+    culling = False if no_culling else None
+    options = given(counting=counting, determinism=determinism, counter=counter, culling=culling)
+    algorithms = _algorithms(method, options)
     scene = load(model, clock, opaque=opaque)
     camera = arguments.camera(scene, size, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up)
@@ -132,7 +136,7 @@ def verify(
         raise typer.Exit(1)
 
 
-def _algorithms(method: str, options: dict[str, str]) -> list[Method]:
+def _algorithms(method: str, options: dict[str, Any]) -> list[Method]:
     """One method, or all but the judge; of the options, those get each that have it, and one of them must."""
     if method != EVERY:
         return [make_method(method, **options)]

@@ -105,7 +105,7 @@ class SmoothCaster(Caster):
         stats, memory = np.zeros(len(COUNTERS), np.int64), (0, 0)
         chosen = np.zeros(len(self.clusters.corners), bool)
         if not len(self.scene.triangles) or not samples.size:
-            return ShadowMask(in_shadow.reshape(samples.shape), Guarantee.EXACT)
+            return ShadowMask(in_shadow.reshape(samples.shape), Guarantee.EXACT, stats={"culled": 0})
         with clock.span("contours"):
             casting = self._casting(light, samples, clock)
         width = samples.size // samples.shape[0]
