@@ -214,6 +214,24 @@ def test_casters_that_let_light_through_are_culled_past_what_solid_ones_have_dar
             assert 0 < culled.partial.mean() < 1
 
 
+def test_a_pane_above_a_roof_is_culled_once_the_roof_has_darkened_all_below():
+    glass = Material(alpha_mode="BLEND", base_color=(1, 1, 1, 0.5))
+    built = boxes(
+        [(-5, 2, -5), *[(x, 4, 0) for x in range(-4, 4)]], [(5, 3, 5), *[(x + 0.5, 4.1, 1) for x in range(-4, 4)]]
+    )
+    kinds = np.repeat([0, 1], [12, 8 * 12])
+    floor = ViewSamples.points(np.random.default_rng(0).uniform((-4, 0, -4), (4, 1, 4), (200, 3)))
+    roofed = Scene(built.positions, built.triangles, [Material(), glass], material_id=kinds)
+    light = Light.directional((0.1, -1, 0.05))
+    culled, all_of_them = both(roofed, light, floor)
+    same(culled, all_of_them)
+    assert culled.in_shadow.all() and culled.stats["culled"] == 8 * 12
+    # Without the roof the panes dim what is below.
+    bare = Scene(built.positions, built.triangles[12:], [Material(), glass], material_id=kinds[12:])
+    mask = shadow(bare, light, floor)
+    assert mask.stats["culled"] == 0 and not mask.in_shadow.any() and mask.partial.min() < 1
+
+
 def test_blocks_count_what_none_of_them_needs(monkeypatch):
     scene = town(np.random.default_rng(4), houses=400)
     samples = sample(scene, Camera.look_at((-60, 3, 0), (-20, 0, 5), width=96, height=54))
