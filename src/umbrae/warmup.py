@@ -23,12 +23,14 @@ def compile_kernels(
     transparent: bool = False,
     stochastic: int | None = None,
     area: bool = False,
+    smooth_outlines: int = 1,
 ) -> None:
     """Compile what a rendering with these methods needs, or load it from the cache; raises what hinders one of them.
 
-    `transparent` for a scene that lets light through, `stochastic` as for `render`, `area` for a light with a size.
+    `transparent` for a scene that lets light through, `stochastic` as for `render`, `area` for a light with a size,
+    `smooth_outlines` as for `render`.
     """
-    for hindrance in try_out(methods, samples_per_pixel, clock, transparent, stochastic, area):
+    for hindrance in try_out(methods, samples_per_pixel, clock, transparent, stochastic, area, smooth_outlines):
         if hindrance is not None:
             raise hindrance
 
@@ -40,6 +42,7 @@ def try_out(
     transparent: bool = False,
     stochastic: int | None = None,
     area: bool = False,
+    smooth_outlines: int = 1,
 ) -> list[Exception | None]:
     """Let each method render next to nothing, which compiles it; returns for each what hinders it, None if nothing.
 
@@ -49,7 +52,10 @@ def try_out(
         pool = ThreadPoolExecutor(1)
         try:
             work = pool.submit(
-                lambda: [_hindrance(method, samples_per_pixel, transparent, stochastic, area) for method in methods]
+                lambda: [
+                    _hindrance(method, samples_per_pixel, transparent, stochastic, area, smooth_outlines)
+                    for method in methods
+                ]
             )
             if not wait([work], timeout=3.0).done and isinstance(clock, ConsoleClock):
                 note(
@@ -63,7 +69,7 @@ def try_out(
 
 
 def _hindrance(
-    method: Method, samples_per_pixel: int, transparent: bool, stochastic: int | None, area: bool
+    method: Method, samples_per_pixel: int, transparent: bool, stochastic: int | None, area: bool, smooth_outlines: int
 ) -> Exception | None:
     """Everything once on next to nothing: smooth normals, a texture, a mask or glass."""
     corners = [(-1, 0, 1), (1, 0, 1), (0, 0, -1), (-1, 1, 1), (1, 1, 1), (0, 1, -1)]
@@ -77,7 +83,7 @@ def _hindrance(
     camera = Camera.frame(tiny, width=16, height=16)
     try:
         sun = Light.sun(120, 60, angular_diameter=0.5 if area else 0.0)
-        render(tiny, camera, [sun], method, samples_per_pixel, stochastic=stochastic)
+        render(tiny, camera, [sun], method, samples_per_pixel, stochastic=stochastic, smooth_outlines=smooth_outlines)
     except Exception as error:
         return error
     return None

@@ -105,6 +105,9 @@ def render(
         float | None,
         typer.Option(metavar="PIXELS", help="Of the footprint of --antialiasing derivative; 1, more blurs."),
     ] = None,
+    smooth_outlines: Annotated[
+        int, typer.Option(min=1, metavar="LEVEL", help="Cut curved sides into so many pieces, for what is seen alone.")
+    ] = 1,
     opaque: Opaque = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -125,6 +128,8 @@ def render(
         raise OptionError("--light-samples: wanted a light with a size (--light-radius, --sun-diameter)")
     if layers is not None and stochastic:
         raise OptionError("--layers: --stochastic sees through all surfaces, with no layers")
+    if layers is not None and smooth_outlines > 1:
+        raise OptionError("--layers: --smooth-outlines sees solid surfaces only")
     chances = _chances(stochastic, seed, samples_per_pixel, show)
     if chances is not None and "transparency" in algorithm.options():
         algorithm = make_method(algorithm, transparency="stochastic", seed=chances)
@@ -134,6 +139,8 @@ def render(
             raise OptionError(f"--show {show} draws a figure, which has no --antialiasing")
         if sized:
             raise OptionError(f"--show {show}: wanted a light without --light-radius and --sun-diameter")
+        if smooth_outlines > 1:
+            raise OptionError(f"--show {show} draws a figure, which has no --smooth-outlines")
         check(show, algorithm, len(light) + len(sun), samples_per_pixel, (mask, npz))
         view = Size(size.width, picture_height(show, *size))
     picture = output or Path(f"{model.stem}.png")
@@ -145,7 +152,8 @@ def render(
     camera = arguments.camera(scene, view, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up, light_radius, sun_diameter)
     soft = any(one.is_area for one in lights)
-    compile_kernels([algorithm], samples_per_pixel, clock, transmission_of(scene) is not None, chances, soft)
+    sheer = transmission_of(scene) is not None
+    compile_kernels([algorithm], samples_per_pixel, clock, sheer, chances, soft, smooth_outlines)
     if show is not None:
         image = figure(show, scene, camera, lights[0], algorithm, samples_per_pixel, up, clock)
     else:
@@ -161,6 +169,7 @@ def render(
             chances,
             antialiasing,
             filter_width or 1.0,
+            smooth_outlines,
         )
     samples = image.samples
     assert samples is not None
@@ -188,6 +197,7 @@ def render(
         layers=len(image.layers),
         stochastic=chances,
         antialiasing=antialiasing,
+        smooth_outlines=smooth_outlines,
         opaque=opaque,
         method=algorithm.name,
         options=algorithm.options(),

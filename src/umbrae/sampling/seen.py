@@ -9,7 +9,7 @@ from umbrae.camera import Camera, pixel_offsets
 from umbrae.checks import instance
 from umbrae.errors import OptionError
 from umbrae.memory import require
-from umbrae.parallel import kernel
+from umbrae.parallel import inline, kernel
 from umbrae.samples import ViewSamples
 from umbrae.sampling.bands import Geometry, Picture, corners
 from umbrae.sampling.coverage import barycentric as barycentric_at
@@ -123,12 +123,26 @@ def resolve(
                 if t >= 0:
                     a, b, c = corners(geometry, t)
                     u, v = barycentric_at(a, b, c, column + picture.x[k], row + picture.y[k])
-                    for axis in range(3):
-                        from_a = np.float64(positions[triangles[t, 0], axis])
-                        to_b = positions[triangles[t, 1], axis] - from_a
-                        to_c = positions[triangles[t, 2], axis] - from_a
-                        position[at, axis] = from_a + u * to_b + v * to_c
+                    put_point(positions, triangles, t, u, v, position, at)
                 else:
                     position[at, 0], position[at, 1], position[at, 2] = 0.0, 0.0, 0.0
                 barycentric[at, 0], barycentric[at, 1] = u, v
                 at += 1
+
+
+@inline
+def put_point(
+    positions: NDArray[np.float32],
+    triangles: NDArray[np.int32],
+    t: int,
+    u: float,
+    v: float,
+    position: NDArray[np.float32],
+    at: int,
+) -> None:
+    """Write the point of a triangle at barycentrics u and v, as `samples.surface_positions` has it."""
+    for axis in range(3):
+        from_a = np.float64(positions[triangles[t, 0], axis])
+        to_b = positions[triangles[t, 1], axis] - from_a
+        to_c = positions[triangles[t, 2], axis] - from_a
+        position[at, axis] = from_a + u * to_b + v * to_c
