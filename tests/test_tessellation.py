@@ -191,3 +191,34 @@ def test_frustums_on_opengl_take_them(opengl):
 def test_volumes_refuse_samples_off_their_pixels(method, opengl):
     with pytest.raises(um.InputError, match=f"{method}: wanted the samples of a whole picture"):
         um.render(drum(), FRONT, method=method, smooth_outlines=2)
+
+
+def egg() -> um.Scene:
+    """A coarse ellipsoid with its own normals."""
+    ball, radii = sphere(segments=8, rings=5), (1, 1.8, 0.6)
+    return um.Scene(ball.positions * radii, ball.triangles, normals=ball.normals / radii)
+
+
+def kinks(silhouette: str) -> np.ndarray:
+    """Degrees by which an egg's contour turns at each joint, seen from the light."""
+    light = um.Light.directional((1, -0.4, 0.5))
+    method = um.METHODS["smooth"](silhouette=silhouette)
+    bounds = method.prepare(egg()).silhouettes.surface(light, um.ViewSamples.points([(0, 0, 0)])).bounds
+    towards = light.position[:3].astype(np.float64)
+    turns = []
+    for joint in np.unique(bounds.ends):
+        leaving, arriving = (bounds.ends[:, end] == joint for end in range(2))
+        along = np.concatenate([bounds.curves.t0[leaving], -bounds.curves.t1[arriving]])
+        assert len(along) == 2
+        along -= (along @ towards)[:, None] * towards / (towards @ towards)
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        turns.append(180 - np.degrees(np.arccos(np.clip(along[0] @ along[1], -1, 1))))
+    return np.array(turns)
+
+
+def test_phong_curves_leave_kinks():
+    accurate, blended, smooth = (kinks(silhouette) for silhouette in ("accurate", "phong", "smooth"))
+    assert len(accurate) == len(blended) == len(smooth) > 10
+    assert accurate.max() > 40
+    assert 8 < blended.max() < 12
+    assert smooth.max() < 1e-3

@@ -71,7 +71,7 @@ Silhouette = Annotated[
     str | None,
     typer.Option(
         "--silhouette",
-        metavar="smooth|accurate|discrete",
+        metavar="smooth|accurate|discrete|phong",
         help="Of the smooth methods: bent, not bent, the triangles'.",
     ),
 ]
