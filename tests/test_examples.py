@@ -55,7 +55,7 @@ def test_readme(capsys):
     assert Path("model.png").exists()
 
 
-@pytest.mark.parametrize("page", ["docs/light.md"])
+@pytest.mark.parametrize("page", ["docs/light.md", "docs/smooth.md"])
 def test_page(page):
     run_python_in(page)
 
