@@ -43,6 +43,9 @@ MOST = 64.0
 BLOCKED = -1
 """In place of a term: nothing gets through."""
 
+TOLERANCE = 1e-5
+"""What a share of light may be off, where up to 80,000 casters let some through."""
+
 LEAST = 2.0**-126
 """What arrives at least where anything does: 0 is kept for where nothing does."""
 
