@@ -216,7 +216,7 @@ def test_the_exact_share_of_each_caster_lies_between_the_ends(scale, shift):
             for t in np.flatnonzero((kind == EVEN) | (kind == VARYING)).tolist():
                 if not exact.shades(samples, index, t, closed=False):
                     continue
-                product = Product(scene, kind, light, samples)
+                product = Product(scene, kind, np.tile(light.position, (samples.size, 1)), samples)
                 product.multiply(np.array([[index, t]], np.int64))
                 value, lowest, highest = ([Fraction(x) for x in left[index]] for left in product.left)
                 right = share(scene, light, samples, index, t)
