@@ -210,7 +210,7 @@ def test_the_exact_share_of_each_caster_lies_between_the_ends(scale, shift):
         place = np.array(position)
         place[:3] = scale * (place[:3] + shift * position[3])
         light = Light(place)
-        samples = random_samples(rng, scene, 60)
+        samples = random_samples(rng, scene, 75)
         exact, kind = Exact(scene, light), transmission_of(scene).kind
         for index in range(samples.size):
             for t in np.flatnonzero((kind == EVEN) | (kind == VARYING)).tolist():

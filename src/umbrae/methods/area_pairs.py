@@ -21,7 +21,7 @@ Inside the loops no array is sliced, and none taken out of a tuple: counting ref
 
 import numpy as np
 
-from umbrae.geometry.predicates import EXACT, SHADOWED, facing, shadows, surface_point
+from umbrae.geometry.predicates import EXACT, SHADOWED, facing, shadows, shadows_own, surface_point
 from umbrae.geometry.vectors import cross, dot, row, subtract
 from umbrae.methods.area_samples import fill_lights
 from umbrae.methods.area_setup import STRADDLES
@@ -172,15 +172,24 @@ def own_dark(lane, own, positions, triangles, side, disc, lights, offsets, bits,
 @inline
 def own_dim(
     lane, own, index, own_side, positions, triangles, barycentric, side, disc, dimming, row, lights, offsets, dark,
-    light,
+    point, light,
 ):  # fmt: skip
     """Dim light samples on the other side of a view sample's own triangle; returns its bits with those that go dark."""
     hit = ~dark
     if own_side == 0:
         hit &= own_dark(lane, own, positions, triangles, side, disc, lights, offsets, np.int64(0), light)
     red, green, blue = own_shares(triangles, barycentric, dimming.table, index, own)
+    u, v, closed = np.float64(barycentric[index, 0]), np.float64(barycentric[index, 1]), is_closed(dimming, own)
+    light[3] = disc.source[3]
     for number in range(len(disc.pattern)):
-        if hit >> number & 1 and dim_one(dimming, row, index, number, own, red, green, blue):
+        if hit >> number & 1 == 0:
+            continue
+        for axis in range(3):
+            light[axis] = lights[3 * lane + axis, number]
+        # `hit` says already that this light sample is on the other side.
+        if not shadows_own(positions, triangles, own, -side, light, u, v, side, point, closed):
+            continue
+        if dim_one(dimming, row, index, number, own, red, green, blue):
             dark |= np.int64(1) << number
     return dark
 

@@ -190,8 +190,8 @@ def shade_node(
                 )
             else:
                 bits[index] = own_dim(
-                    lane, own, index, own_side[own], positions, triangles, barycentric, side[index], disc, dimming,
-                    row_of(number - first_leaf, lane), lights, offsets, bits[index], light,
+                    lane, own, index, own_side[own], positions, triangles, barycentric, np.int64(side[index]), disc,
+                    dimming, row_of(number - first_leaf, lane), lights, offsets, bits[index], point, light,
                 )  # fmt: skip
             if bits[index] == -1:
                 darken(leaf_ids, slot, lane, bits)

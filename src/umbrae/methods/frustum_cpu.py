@@ -238,7 +238,7 @@ class FrustumCaster(Caster):
             shading = sides.own if self.solid is None else np.where(self.solid, sides.own, np.int8(0))
             covered = samples.covered.reshape(-1)
             if self.sheer is not None:
-                covered = self._not_behind_own(self.sheer.table, samples, sides.own, in_shadow, clock)
+                covered = self._not_behind_own(self.sheer.table, source, samples, sides.own, in_shadow, clock)
             leaves, trees = build(samples, covered, shading, source, frames, limits, in_shadow, clock)
         raw = samples.barycentric.reshape(-1, 2), samples.side.reshape(-1), samples.position.reshape(-1, 3)
         receivers = Receivers(self.scene.positions, self.scene.triangles, source, *leaves[:3], *raw)
@@ -291,6 +291,7 @@ class FrustumCaster(Caster):
     def _not_behind_own(
         self,
         table: Transmission,
+        source: NDArray[np.float64],
         samples: ViewSamples,
         facing: NDArray[np.int8],
         in_shadow: NDArray[np.bool_],
@@ -299,7 +300,7 @@ class FrustumCaster(Caster):
         """`covered (n,)` without samples whose own triangle is turned away and opaque there; sets those `in_shadow`."""
         covered = samples.covered.reshape(-1).copy()
         raw = samples.triangle.reshape(-1), samples.barycentric.reshape(-1, 2), samples.side.reshape(-1)
-        what = self.scene.triangles, *raw, facing, table, covered, in_shadow
+        what = self.scene.positions, self.scene.triangles, source, *raw, facing, table, covered, in_shadow
         _in_parts(samples.size, _SAMPLES_PER_TASK, clock, leave_out, *what)
         return covered
 

@@ -268,10 +268,11 @@ class Exact:
         """Whether the triangle shadows sample number `sample` of a flat list.
 
         Side planes belong to the triangle if `closed`; else a sample on one counts as moved by (e, e**2, e**3), e -> 0.
+        So on an edge of its own triangle it may be moved off it, like off any other.
         """
         own, side = int(samples.triangle[sample]), int(samples.side[sample])
         facing = self.facing(triangle)
-        if triangle == own:
+        if triangle == own and closed:
             return side * facing < 0
         if facing == 0:
             return False

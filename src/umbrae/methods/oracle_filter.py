@@ -134,6 +134,9 @@ def decide_chunk(
                 verdict[sample] = 1
                 continue
             if not sure or facing * side[sample] < 0:
+                # On an edge it may belong to the neighbour.
+                u, v = np.float64(barycentric[sample, 0]), np.float64(barycentric[sample, 1])
+                sure = sure and u > 0.0 and v > 0.0 and u + v < 1.0
                 if count == len(pairs):
                     return begin, sample
                 pairs[count, 0], pairs[count, 1], pairs[count, 2] = sample, own, sure

@@ -22,7 +22,7 @@ from umbrae.methods.frustum_gl.uploaded import Band, GpuShadow, UploadedSamples,
 from umbrae.methods.method import Caster
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
-from umbrae.transmission import SOLID, transmission_of
+from umbrae.transmission import EVEN, SOLID, VARYING, Transmission, transmission_of
 
 BATCH = 1 << 17
 """Triangles whose frusta go down together: 25 MB of planes, and no dispatch that takes long."""
@@ -94,7 +94,7 @@ class FrustumGlCaster(Caster):
                 pairs = self._cast(light, uploaded.camera, band, False, stats, clock)
                 if self.table is not None:
                     more = self._cast(light, uploaded.camera, band, True, stats, clock)
-                    pairs = np.concatenate([pairs, more])
+                    pairs = np.concatenate([pairs, more, self._on_own_edges(self.table, band)])
                 with clock.span("exact"):
                     found = self._decide(light, band, pairs)
                 with stage(current, clock, "merge"):
@@ -202,6 +202,15 @@ class FrustumGlCaster(Caster):
         product = np.ones((len(shadowed), 3))
         np.multiply.at(product, at, shares)
         return shadowed, product.astype(np.float32)
+
+    def _on_own_edges(self, table: Transmission, band: Band) -> NDArray[np.int32]:
+        """The pairs `(p, 2)` of samples on an edge of their own triangle with it, where the edge may not be its own."""
+        samples = band.samples
+        own, (u, v) = samples.triangle.reshape(-1), samples.barycentric.reshape(-1, 2).T
+        index = np.flatnonzero(samples.covered.reshape(-1) & ((u == 0) | (v == 0) | (np.float64(u) + v == 1)))
+        through = np.isin(table.kind, (EVEN, VARYING)) & ~table.closed[table.material_id]
+        index = index[through[own[index]]]
+        return np.stack([index, own[index]], axis=1).astype(np.int32)
 
     def _view(self, camera: Camera) -> dict[str, Any]:
         """The camera for `place.glsl` and `setup.glsl`; q is 1 at a distance that nothing exceeds by much."""
