@@ -39,6 +39,7 @@ from umbrae.methods.frustum_setup import (
     RECT_YMIN,
     put_planes,
 )
+from umbrae.methods.frustum_traversal import append_to
 from umbrae.methods.lanes import ALL, LANES, choose, count, equal, largest, load, lowest, smallest, splat
 from umbrae.methods.sample_clusters import DARK, OWN, QMAX, QMIN, SAMPLE, XMAX, XMIN, YMAX, YMIN
 from umbrae.parallel import expand, inline, kernel
@@ -105,12 +106,7 @@ def _hand_down(listed, masked, entries, outer, box, full, group, child_list, chi
             & (qmin <= outer[k, RECT_QMAX])
         )
         visited |= hit
-        while hit:
-            child = lowest(hit)
-            hit &= hit - np.int32(1)
-            place = child_count[child]
-            child_list[child, place], child_mask[child, place] = k, masked[entry]
-            child_count[child] = place + 1
+        append_to(hit, k, masked[entry], child_list, child_mask, child_count)
     return visited
 
 

@@ -207,7 +207,8 @@ class FrustumGlCaster(Caster):
         """The pairs `(p, 2)` of samples on an edge of their own triangle with it, where the edge may not be its own."""
         samples = band.samples
         own, (u, v) = samples.triangle.reshape(-1), samples.barycentric.reshape(-1, 2).T
-        index = np.flatnonzero(samples.covered.reshape(-1) & ((u == 0) | (v == 0) | (np.float64(u) + v == 1)))
+        on_edge = (u == 0) | (v == 0) | (u.astype(np.float64) + v == 1)
+        index = np.flatnonzero(samples.covered.reshape(-1) & (own >= 0) & on_edge)
         through = np.isin(table.kind, (EVEN, VARYING)) & ~table.closed[table.material_id]
         index = index[through[own[index]]]
         return np.stack([index, own[index]], axis=1).astype(np.int32)
