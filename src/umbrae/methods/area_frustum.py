@@ -92,11 +92,12 @@ def find(
     scene, table = casters.scene, casters.table
     found = Found(
         np.full(samples.size, -1 << count if count < MOST else 0, np.int64),
-        np.zeros(samples.size, bool),
-        np.ones((samples.size, 3), np.float32),
+        np.empty(samples.size, bool),
+        np.empty((samples.size, 3), np.float32),
     )
     stats = np.zeros(len(COUNTERS), np.int64)
     if not len(scene.triangles) or not samples.size:
+        found.in_shadow[:], found.shares[:] = False, 1.0
         return found, stats
     disc = light_disc(light, count, samples.shape)
     own_side, sheer = np.zeros(len(scene.triangles), np.int8), np.zeros((0, LANES), np.int8)
