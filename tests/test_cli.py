@@ -151,6 +151,20 @@ def test_chance_and_its_seed(pane, capsys):
     assert pictures[0] == pictures[1] != pictures[2]
 
 
+@pytest.mark.parametrize(
+    "options", ["--samples-per-pixel 4 --stochastic --seed 5", "--antialiasing derivative --filter-width 3"]
+)
+@pytest.mark.usefixtures("opengl")
+def test_the_frustum_method_on_opengl_draws_the_same_picture(pane, options):
+    for method in ("frustum", "frustum-gl"):
+        command = f"render pane.glb --size 40x40 -q --method {method} -o {method}.png --mask {method}-mask.png"
+        assert umbrae(f"{command} {options}", *ABOVE) == 0
+    np.testing.assert_array_equal(pixels("frustum-gl.png"), pixels("frustum.png"))
+    mask = pixels("frustum-gl-mask.png")
+    np.testing.assert_array_equal(mask, pixels("frustum-mask.png"))
+    assert len(np.unique(mask)) > 3
+
+
 def test_shares_of_light_are_stored():
     """With layers first, then lights, then the samples' shape, then channels; each only where there are several."""
     scene = um.load("roof.glb")

@@ -35,7 +35,6 @@ def lights_of(soup: Soup) -> dict[str, Light]:
 
 
 POINTS = [name for name, method in METHODS.items() if "points" in method.accepts]
-PICTURES_ONLY = {name for name, method in METHODS.items() if "points" not in method.accepts}
 
 
 def takes(method: str, name: str) -> bool:
@@ -79,11 +78,6 @@ def report_failure(name: str, mask: ShadowMask, truth: ShadowMask, samples: View
 @pytest.mark.parametrize(("method", "name"), [(m, name) for m in POINTS for name in SOUPS if takes(m, name)])
 def test_known_answers(method, name):
     for light, samples, answers in SOUPS[name].questions():
-        if method in PICTURES_ONLY:
-            # Says so, and names a method that answers.
-            with pytest.raises(InputError, match=rf"{method}: wanted the samples of a whole picture.*frustum"):
-                METHODS[method]().prepare(SOUPS[name].scene).shadow(light, samples)
-            continue
         mask = METHODS[method]().prepare(SOUPS[name].scene).shadow(light, samples)
         for index, answer in enumerate(answers):
             about = f"{name}, light {answer.light}: {answer.why}"
@@ -124,6 +118,28 @@ def test_picture_keeps_the_guarantee(method, name, kind, request):
         pytest.fail(report_failure(f"{method} {name} {kind}", mask, truth, samples, int(verdict.wrong[0])))
 
 
+def scattered_samples(scene: Scene) -> ViewSamples:
+    """A list of free points in and around the soup, some of them on its vertices, and of places on its triangles."""
+    rng, (low, high) = np.random.default_rng(4), scene.bounds.astype(np.float64)
+    around = low + rng.uniform(-0.5, 1.5, (60, 3)) * (high - low)
+    free = ViewSamples.points(np.concatenate([around, scene.positions[rng.integers(0, len(scene.positions), 20)]]))
+    own, uv = rng.integers(0, len(scene.triangles), 80), rng.choice([0.0, 0.25, 0.5], (80, 2))
+    on = ViewSamples.on_surface(scene, own, uv, rng.choice([-1, 0, 1], 80))
+    order = rng.permutation(160)
+    names = ("triangle", "barycentric", "side", "position", "covered")
+    return ViewSamples(*(np.concatenate([getattr(free, name), getattr(on, name)])[order] for name in names))
+
+
+@pytest.mark.parametrize("method", [name for name in POINTS if name != "oracle"])
+@pytest.mark.parametrize("name", [name for name, soup in SOUPS.items() if len(soup.scene.triangles)])
+def test_points_keep_the_guarantee(method, name):
+    scene, samples = SOUPS[name].scene, scattered_samples(SOUPS[name].scene)
+    caster = METHODS[method]().prepare(scene)
+    for kind, light in lights_of(SOUPS[name]).items():
+        verdict = verify(scene, light, samples, caster.shadow(light, samples))
+        assert verdict.ok, f"{kind}: the first wrong sample is {verdict.wrong[0]}"
+
+
 STEADY = ["cube", "shared_edge", "tilted_grid", "wall_on_ground", "open_fan", *sorted(TRANSPARENT)]
 
 
@@ -141,12 +157,6 @@ def test_mask_does_not_depend_on_order_winding_or_splitting(method, name):
         "split": split_at_midpoints(soup.scene),
     }
     for light in (Light.point((1.5, 7.0, 2.25)), Light.directional((-1, -2, -1))):
-        if method in PICTURES_ONLY:
-            for kind, scene in scenes.items():
-                picture = image_samples(scene, soup)
-                mask = METHODS[method]().prepare(scene).shadow(light, picture)
-                assert verify(scene, light, picture, mask).ok, f"{name} {kind}"
-            continue
         masks = {
             kind: METHODS[method]().prepare(scene).shadow(light, samples)
             for kind, scene in {"as it is": soup.scene, **scenes}.items()
@@ -195,11 +205,6 @@ def test_moving_scene_and_light_by_a_representable_amount_changes_nothing(method
     triangle = rng.integers(0, len(soup.scene.triangles), 400)
     uv = rng.integers(0, 5, (400, 2)) / 8
     light = np.array([3.0, 6.0, -2.0])
-    if method in PICTURES_ONLY:
-        aside = Camera.look_at(soup.eye + shift, soup.target + shift, fov_y=60, width=40, height=28)
-        samples, source = sample(moved, aside), Light.point(light + shift)
-        assert verify(moved, source, samples, METHODS[method]().prepare(moved).shadow(source, samples)).ok
-        return
     here = METHODS[method]().prepare(soup.scene)
     there = METHODS[method]().prepare(moved)
     first = here.shadow(Light.point(light), ViewSamples.on_surface(soup.scene, triangle, uv, 1))

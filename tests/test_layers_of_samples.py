@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 import umbrae.memory
 from umbrae.camera import Camera
 from umbrae.errors import CapacityError, InputError, OptionError
+from umbrae.geometry.chance import LIGHT, VIEW, chances, key_of
 from umbrae.geometry.texture import fetch, pack
 from umbrae.material import Material
 from umbrae.parallel import kernel
 from umbrae.samples import ViewSamples
 from umbrae.sampling import layers as layers_module
 from umbrae.sampling import sample, sample_layers, sample_stochastic
-from umbrae.sampling import stochastic as stochastic_module
 from umbrae.sampling.seen import BYTES_PER_SAMPLE
 from umbrae.scene import Scene
 from umbrae.transmission import CLEAR, VARYING, passing, transmission_of
@@ -347,26 +347,23 @@ def test_weights_make_the_mean_of_coloured_glass_right():
         assert (np.abs(found - expected) <= 5 * spread / np.sqrt(seen.size)).all()
 
 
-@kernel
-def chances(seed, triangle, pixels, per_pixel, found):
-    for pixel in range(pixels):
-        for k in range(per_pixel):
-            found[pixel, k] = stochastic_module._chance(seed, triangle, pixel, k, per_pixel)
-
-
 @pytest.mark.parametrize("per_pixel", [1, 2, 7, 16, 64])
 @pytest.mark.parametrize("seed", [0, 2**62 + 12345])
 def test_chances_of_a_pixel_lie_one_in_each_stratum(per_pixel, seed):
-    found = np.empty((2, 2000, per_pixel))
-    for triangle in range(2):
-        chances(seed, triangle, 2000, per_pixel, found[triangle])
+    samples = np.arange(2000 * per_pixel)
+    # At one triangle, at another, and at the first again on the way to the light.
+    given = (0, VIEW), (1, VIEW), (0, LIGHT)
+    found = np.stack(
+        [chances(key_of(seed, purpose), np.full(len(samples), t, np.int32), samples, per_pixel) for t, purpose in given]
+    ).reshape(3, 2000, per_pixel)
     strata = np.sort((found * per_pixel).astype(int), axis=2)
     np.testing.assert_array_equal(strata, np.broadcast_to(np.arange(per_pixel), strata.shape))
     assert found.min() >= 0 and found.max() < 1
     # Uniform for each sample of a pixel, and independent of that at another triangle: 5 standard deviations.
     assert np.abs(found.mean(axis=1) - 0.5).max() <= 5 / np.sqrt(12 * 2000)
-    product = ((found[0] - 0.5) * (found[1] - 0.5)).mean(axis=0)
-    assert np.abs(product).max() <= 5 / 12 / np.sqrt(2000)
+    for one, other in ((0, 1), (0, 2)):
+        product = ((found[one] - 0.5) * (found[other] - 0.5)).mean(axis=0)
+        assert np.abs(product).max() <= 5 / 12 / np.sqrt(2000)
 
 
 def test_rows_keep_what_samples_count():

@@ -1,10 +1,11 @@
-"""The shaders' predicate beside the CPU's: the same inputs to both."""
+"""The shaders' predicate and chances beside the CPU's: the same inputs to both."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from umbrae.geometry.chance import LIGHT, MOST_STRATA, chances, key_of
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.gl.context import session
 from umbrae.gl.program import program
@@ -104,3 +105,26 @@ def test_precise_products_are_rounded_by_themselves():
     exact = factors.astype(np.float64).prod(axis=1)
     assert np.count_nonzero(exact != exact.astype(np.float32)) > 4000, "the products do not need rounding"
     np.testing.assert_array_equal(rests, 0)
+
+
+@pytest.mark.parametrize("strata", [1, 2, 7, 16, 64, MOST_STRATA - 1, MOST_STRATA])
+@pytest.mark.parametrize("seed", [0, 5, 2**62 + 12345])
+def test_chances_are_those_of_the_cpu_to_the_last_bit(strata, seed):
+    rng, key = np.random.default_rng(strata), key_of(seed, LIGHT)
+    pairs = np.stack([rng.integers(0, 2**31, 4096), rng.integers(0, 2**32, 4096)], axis=1)
+    pairs[:64] = pairs[0, 0], 0
+    pairs[:64, 1] = np.arange(64)  # some pixel's neighbours, at one triangle
+    truth = chances(key, pairs[:, 0].astype(np.int32), pairs[:, 1].copy(), strata)
+    with session().current() as current:
+        shader = program(current, HERE / "chance_twin.glsl")
+        given = current.moderngl.buffer(pairs.astype(np.uint32).tobytes())
+        found = current.moderngl.buffer(reserve=8 * len(pairs))
+        given.bind_to_storage_buffer(0)
+        found.bind_to_storage_buffer(1)
+        shader["key"].value = int(key) & 0xFFFFFFFF, int(key) >> 32
+        shader["count"].value, shader["strata"].value = len(pairs), strata
+        shader.run(len(pairs) // 64)
+        current.moderngl.memory_barrier()
+        values = np.frombuffer(found.read())
+    np.testing.assert_array_equal(values, truth)
+    assert len(np.unique(truth)) > 4000 and truth.max() < 1

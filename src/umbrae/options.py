@@ -67,6 +67,22 @@ Counter = Annotated[
     str | None,
     typer.Option("--counter", metavar="auto|stencil|float", help="What shadow volumes are counted in."),
 ]
+Silhouette = Annotated[
+    str | None,
+    typer.Option(
+        "--silhouette",
+        metavar="smooth|accurate|discrete",
+        help="Of the smooth methods: bent, not bent, the triangles'.",
+    ),
+]
+Epsilon = Annotated[
+    float | None,
+    typer.Option("--epsilon", metavar="UNITS", help="How far chords of smooth silhouettes may lie from their curves."),
+]
+EpsilonPx = Annotated[
+    float | None,
+    typer.Option("--epsilon-px", metavar="PIXELS", help="How far the shadows of those chords may be off; 0.25."),
+]
 Opaque = Annotated[
     bool, typer.Option("--opaque", help="Take every surface as solid: no holes, nothing lets light through.")
 ]
@@ -79,6 +95,6 @@ DEFAULT_GRID: Any = "10x10"
 DEFAULT_STEP: Any = "10min"
 
 
-def given(**options: str | int | None) -> dict[str, Any]:
+def given(**options: str | float | None) -> dict[str, Any]:
     """The options of a method that the command line names."""
     return {name: value for name, value in options.items() if value is not None}

@@ -1,5 +1,6 @@
 """The geometry that casts and receives shadows: an arbitrary triangle soup."""
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from umbrae.checks import array, instance, vector
+from umbrae.checks import array, instance, number, vector
 from umbrae.errors import InputError, RecentredWarning
+from umbrae.geometry.smoothing import smoothing_groups
 from umbrae.material import Material
 
 _FAR_FROM_ZERO = 16.0
@@ -148,6 +150,38 @@ class Scene:
             self.uv,
             self.object_id,
             self.colors,
+            self.origin,
+        )
+
+    def smoothed(self, crease: float = 45.0) -> "Scene":
+        """The same scene with vertex normals made anew from its facets.
+
+        Parameters
+        ----------
+        crease
+            Degrees from 0 to 180: an edge whose facets turn by more, and one of any other number of triangles than two,
+            keeps a normal for each side. Vertices there are repeated, so `positions` has other rows.
+
+        Raises
+        ------
+        InputError
+            For any other angle.
+        """
+        if not 0.0 <= number(crease, "Scene.smoothed: crease") <= 180.0:
+            raise InputError(f"Scene.smoothed: crease: wanted degrees from 0 to 180, got {crease}")
+        group, normals = smoothing_groups(self.positions, self.triangles, math.cos(math.radians(crease)))
+        pairs = np.stack([self.triangles.astype(np.int64), group], axis=-1).reshape(-1, 2)
+        vertices, corner = np.unique(pairs, axis=0, return_inverse=True)
+        kept = vertices[:, 0]
+        return Scene(
+            self.positions[kept],
+            corner.reshape(-1, 3),
+            self.materials,
+            self.material_id,
+            normals[vertices[:, 1]],
+            None if self.uv is None else self.uv[kept],
+            self.object_id,
+            None if self.colors is None else self.colors[kept],
             self.origin,
         )
 

@@ -21,6 +21,8 @@ from umbrae.options import (
     Counter,
     Counting,
     Determinism,
+    Epsilon,
+    EpsilonPx,
     Eye,
     Fov,
     Json,
@@ -31,6 +33,7 @@ from umbrae.options import (
     Opaque,
     Points,
     Quiet,
+    Silhouette,
     SizeOption,
     SunDiameter,
     Suns,
@@ -67,6 +70,9 @@ def render(
     counting: Counting = None,
     determinism: Determinism = None,
     counter: Counter = None,
+    silhouette: Silhouette = None,
+    epsilon: Epsilon = None,
+    epsilon_px: EpsilonPx = None,
     show: Annotated[
         Show | None,
         typer.Option(
@@ -105,9 +111,11 @@ def render(
 ) -> None:
     """Render MODEL with exact shadows."""
     clock = Clock() if as_json or quiet else ConsoleClock()
-    algorithm = make_method(
-        method, **given(counting=counting, determinism=determinism, counter=counter, light_samples=light_samples)
-    )
+    options = given(
+        counting=counting, determinism=determinism, counter=counter, light_samples=light_samples,
+        silhouette=silhouette, epsilon=epsilon, epsilon_px=epsilon_px,
+    )  # fmt: skip
+    algorithm = make_method(method, **options)
     filtered, sized = is_filtered(antialiasing, samples_per_pixel, algorithm), light_radius > 0 or sun_diameter > 0
     if filter_width is not None and not filtered:
         raise OptionError("--filter-width is that of --antialiasing derivative, which is not there")

@@ -14,6 +14,8 @@ from umbrae.methods.frustum_cpu import Frustum
 from umbrae.methods.frustum_gl.method import FrustumGl
 from umbrae.methods.method import Caster, Method
 from umbrae.methods.oracle import Oracle
+from umbrae.methods.smooth.cpu import Smooth
+from umbrae.methods.smooth.gl import SmoothGl
 from umbrae.methods.volumes.robust_gs import RobustGs
 from umbrae.methods.volumes.silhouette_compute import SilhouetteCompute
 from umbrae.methods.volumes.silhouette_cpu import SilhouetteCpu
@@ -29,6 +31,8 @@ METHODS: dict[str, type[Method]] = {
     "oracle": Oracle,
     "frustum": Frustum,
     "frustum-gl": FrustumGl,
+    "smooth": Smooth,
+    "smooth-gl": SmoothGl,
     "silhouette-cpu": SilhouetteCpu,
     "silhouette-compute": SilhouetteCompute,
     "silhouette-gs": SilhouetteGs,

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from umbrae.checks import whole
 from umbrae.clock import Clock
 from umbrae.errors import OptionError
+from umbrae.geometry.chance import LIGHT, key_of
 from umbrae.geometry.solids import Solids
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
@@ -155,7 +156,7 @@ def _shadow_block(
         shading = np.where(sides.casts, sides.own, np.int8(0))
         leaves, trees = build(samples, samples.covered.reshape(-1), shading, source, frames, limits, turned_away, clock)
         found.bits[turned_away] = -1
-    dice = Dice(0, 0, 0) if seed is None else Dice(count, seed, first * count)
+    dice = Dice(0, np.uint64(0), 0) if seed is None else Dice(count, key_of(seed, LIGHT), first * count)
     active = [(frame, tree) for frame, tree in zip(frames, trees, strict=True) if tree is not None]
 
     def shade(

@@ -10,7 +10,7 @@ Each triangle must dim each pair once. So nothing is accepted as a whole, side p
 
 By chance (Sintorn et al. 2011, section 5: a bit for each light sample, set stochastically) a number becomes 0 or stays,
 with the probability that the triangle stops light of that channel. The chances of a view sample and a triangle are
-stratified over the light samples, as those of a pixel's samples are (see `transmission_buffer`): of n light samples, a
+stratified over the light samples, as those of a pixel's samples are (see `geometry.chance`): of n light samples, a
 triangle of opacity alpha before all of them stops alpha n, rounded up or down. It takes no less time or memory here
 than the exact product.
 """
@@ -20,10 +20,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from umbrae.geometry.chance import chance
 from umbrae.geometry.predicates import hit_weights
 from umbrae.methods.lanes import LANES, lowest
 from umbrae.methods.sample_clusters import SAMPLE
-from umbrae.methods.transmission_buffer import CHANNELS, LEAST, Dice, threshold
+from umbrae.methods.transmission_buffer import CHANNELS, LEAST, Dice
 from umbrae.parallel import expand, kernel
 from umbrae.transmission import CLEAR, EVEN, SOLID, Transmission, passing
 
@@ -71,13 +72,13 @@ def may_dim_itself(dimming, own):
 def dim_one(dimming, row, index, number, t, red, green, blue):
     """Dim one light sample of a view sample by the shares that triangle t lets through; returns whether it is dark."""
     dice, left, dark = dimming.dice, dimming.left, True
-    chance = 0.0
+    drawn = 0.0
     if dice.strata > 0:
-        chance = threshold(dice, index * dice.strata + number, t)
+        drawn = chance(dice.key, t, dice.first + index * dice.strata + number, dice.strata)
     for channel, share in ((0, red), (1, green), (2, blue)):
         before = left[row + channel, number]
         if dice.strata > 0:
-            after = 0.0 if chance < 1.0 - share else before
+            after = 0.0 if drawn < 1.0 - share else before
         else:
             after = max(before * min(share, 1.0), FAINTEST) if share > 0.0 and before > 0.0 else 0.0
         left[row + channel, number] = after

@@ -7,9 +7,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.checks import shown, whole
 from umbrae.clock import Clock
-from umbrae.errors import OptionError
+from umbrae.geometry.chance import LIGHT, key_of
 from umbrae.geometry.solids import Solids, find_solids
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
@@ -19,7 +18,7 @@ from umbrae.methods.frustum_transmission import Dimming, cover_queued
 from umbrae.methods.frustum_traversal import CLUSTERS, merge, traverse_batch, write_out
 from umbrae.methods.lanes import LANES
 from umbrae.methods.light_frame import POSITION_ERROR, LightFrame, light_frames, surface_error
-from umbrae.methods.method import Caster, Method
+from umbrae.methods.method import Caster, Method, check_transparency
 from umbrae.methods.sample_tree import SampleTree, bounds_with, build, hierarchy_bytes
 from umbrae.methods.transmission_buffer import (
     TOLERANCE,
@@ -37,6 +36,9 @@ from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 from umbrae.transmission import CLEAR, SOLID, Transmission, transmission_of
 
+_ITSELF = np.empty(0, np.int32)
+"""In place of `Dimming.source`."""
+
 _LEAVES_PER_TASK = 4096
 
 _SAMPLES_PER_TASK = 65536
@@ -53,7 +55,6 @@ MEMORY = ("hierarchy_bytes", "shadow_buffer_bytes")
 Those of the largest block; a solid caster's verdict about a single sample takes the place of the sample's own triangle.
 """
 
-TRANSPARENCY = ("exact", "stochastic")
 
 BLOCK = 1 << 23
 """Samples per hierarchy: a 3840 x 2160 picture is one block; larger ones go band by band to bound the memory."""
@@ -114,11 +115,7 @@ class Frustum(Method):
 
     def __post_init__(self) -> None:
         check_light_samples(self.light_samples)
-        if self.transparency not in TRANSPARENCY:
-            wanted = f"wanted one of {', '.join(TRANSPARENCY)}"
-            raise OptionError(f"{self.name}: transparency: {wanted}, got {shown(self.transparency)}")
-        if not 0 <= whole(self.seed, f"{self.name}: seed") < 1 << 63:
-            raise OptionError(f"{self.name}: seed: wanted 0 to 2**63 - 1, got {self.seed}")
+        check_transparency(self.name, self.transparency, self.seed)
 
     def prepare(self, scene: Scene, clock: Clock | None = None) -> "FrustumCaster":
         return FrustumCaster(scene, self, clock)
@@ -187,12 +184,13 @@ class FrustumCaster(Caster):
                 sides = self._sides(source, clock)
             width = samples.size // samples.shape[0]
             step = max(4, BLOCK // width // 4 * 4)
+            by_chance = self.method.transparency == "stochastic"
+            key = key_of(self.method.seed, LIGHT) if by_chance else np.uint64(0)
             strata = samples.shape[2] if samples.camera is not None and len(samples.shape) == 3 else 1
             for start in range(0, samples.shape[0], step):
                 block = samples if step >= samples.shape[0] else samples.rows(start, start + step)
                 part = slice(start * width, (start + step) * width)
-                by_chance = self.method.transparency == "stochastic"
-                dice = Dice(strata if by_chance else 0, int(self.method.seed), start * width)
+                dice = Dice(strata if by_chance else 0, key, start * width)
                 shares = None if partial is None else partial[part]
                 done, used = self._shadow_block(source, block, sides, dice, in_shadow[part], shares, clock)
                 stats += done
@@ -277,7 +275,7 @@ class FrustumCaster(Caster):
         with clock.span("transmission"):
             _in_parts(len(partial), _SAMPLES_PER_TASK, clock, light_or_dark, in_shadow, partial)
             whole, buffers = reserve([tree for _, tree in active], dice)
-            dimming = [Dimming(sheer.table, sheer.even, buffer, dice, *_queue(0)) for buffer in buffers]
+            dimming = [Dimming(sheer.table, sheer.even, buffer, dice, *_queue(0), _ITSELF) for buffer in buffers]
             stats = _traverse(sheer.clusters, sides.sheer, active, receivers, dimming, clock)
         with clock.span("merge"):
             for (_, tree), buffer in zip(active, buffers, strict=True):

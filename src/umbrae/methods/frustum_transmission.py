@@ -45,7 +45,8 @@ class Dimming(NamedTuple):
     """What a task needs about triangles that let light through.
 
     `even (m, 3)` the terms of what materials let through that is the same everywhere; `queue (n, 3)` has room for
-    triangle, first leaf and the one after the last; `queued (1,)` how many there are.
+    triangle, first leaf and the one after the last; `queued (1,)` how many there are. `source (k,) int32`
+    is the triangle whose own samples each does not dim; no rows where that is the triangle itself.
     """
 
     table: Transmission
@@ -54,6 +55,7 @@ class Dimming(NamedTuple):
     dice: Dice
     queue: NDArray[np.int64]
     queued: NDArray[np.int64]
+    source: NDArray[np.int32]
 
 
 @expand
@@ -117,7 +119,8 @@ def dim_leaf(
             t = order[number_of[k] * LANES + lane]
             m = table.material_id[t]
             sides, plane = leaf_bounds(rows, k, lane, slack_x, slack_q, reach_q)
-            maybe, sure = touched(receivers.place, ids, slot, t, rows, k, lane, sides, plane)
+            exempt = dimming.source[t] if len(dimming.source) else np.int32(t)
+            maybe, sure = touched(receivers.place, ids, slot, exempt, rows, k, lane, sides, plane)
             unsure = maybe & ~sure
             while unsure:
                 other = lowest(unsure)

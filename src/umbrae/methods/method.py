@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from umbrae.checks import shown
+from umbrae.checks import shown, whole
 from umbrae.clock import Clock
-from umbrae.errors import InputError
+from umbrae.errors import InputError, OptionError
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.samples import ViewSamples
@@ -17,6 +17,8 @@ from umbrae.scene import Scene
 from umbrae.transmission import SOLID, transmission_of
 
 LIGHT_SAMPLES = 32
+
+TRANSPARENCY = ("exact", "stochastic")
 
 
 class Caster(ABC):
@@ -64,6 +66,14 @@ class Method(ABC):
     def options(self) -> dict[str, Any]:
         """Option values by name."""
         return dataclasses.asdict(self)
+
+
+def check_transparency(name: str, transparency: str, seed: int) -> None:
+    """Refuse values of these options that a method does not know."""
+    if transparency not in TRANSPARENCY:
+        raise OptionError(f"{name}: transparency: wanted one of {', '.join(TRANSPARENCY)}, got {shown(transparency)}")
+    if not 0 <= whole(seed, f"{name}: seed") < 1 << 63:
+        raise OptionError(f"{name}: seed: wanted 0 to 2**63 - 1, got {seed}")
 
 
 def require_solid(scene: Scene, name: str) -> None:

@@ -13,9 +13,7 @@ which threads only ever set.
 Stochastic (section 3.2): each sample holds one bit per channel, set with the probability that the caster stops light of
 that channel. All channels of a sample compare with the same random number, so a grey caster stays grey; each caster
 has another one, so the probabilities multiply. The paper proposes, but did not implement, to stratify them over
-the samples of a pixel as Enderton et al. 2010 do: of s samples each takes another s-th of [0, 1), in random order, so
-that a caster with opacity alpha over the whole pixel stops light at alpha s of them, rounded up or down. The random
-numbers are hashes of seed, pixel and triangle, hence the same for any number of threads and any order.
+the samples of a pixel as Enderton et al. 2010 do: `geometry.chance` does.
 """
 
 from typing import NamedTuple
@@ -25,6 +23,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from umbrae.geometry.chance import chance
 from umbrae.geometry.predicates import shadows_own
 from umbrae.memory import keep_spare, take_spare
 from umbrae.methods.lanes import LANES
@@ -52,10 +51,10 @@ LEAST = 2.0**-126
 
 
 class Dice(NamedTuple):
-    """What chance depends on: samples per pixel (0: there is none), the seed, and the index of the first sample."""
+    """What chance depends on: samples per pixel (0: there is none), a seed's key, and the index of the first sample."""
 
     strata: int
-    seed: int
+    key: np.uint64
     first: int
 
 
@@ -158,40 +157,18 @@ def deposit_shares(buffer, row, lane, red, green, blue):
 
 
 @expand
-def _mixed(number):
-    """A bijection of uint64 whose bits all depend on each other (the finalizer of SplitMix64, Steele et al. 2014)."""
-    number = (number ^ (number >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    number = (number ^ (number >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return number ^ (number >> np.uint64(31))
-
-
-@expand
-def threshold(dice, index, t):
-    """A random number in [0, 1) for sample `index` of a block and triangle t, stratified over the pixel's samples."""
-    step = np.uint64(0x9E3779B97F4A7C15)
-    at = dice.first + index
-    pixel, number = at // dice.strata, at % dice.strata
-    key = _mixed(np.uint64(dice.seed) + step)
-    key = _mixed(key ^ np.uint64(pixel)) + step
-    key = _mixed(key ^ np.uint64(t))
-    own = _mixed(key + np.uint64(number + 1) * step)
-    # The place of this sample's number among those of all samples of the pixel: a random permutation.
-    rank = 0
-    for other in range(dice.strata):
-        if other != number:
-            rank += _mixed(key + np.uint64(other + 1) * step) < own
-    within = np.float64(_mixed(own) >> np.uint64(11)) * 2.0**-53
-    # Below 1 also when rounded: what is opaque always stops the light.
-    return min((np.float64(rank) + within) / np.float64(dice.strata), 1.0 - 2.0**-53)
+def _drawn(dice, index, t):
+    """The number between 0 and 1 that decides for sample `index` of a block whether triangle t stops its light."""
+    return chance(dice.key, np.int64(t), np.int64(dice.first + index), np.int64(dice.strata))
 
 
 @expand
 def roll(buffer, dice, row, lane, index, t, red, green, blue):
     """Let chance stop each channel's light at a sample; returns whether light of no channel gets there any more."""
     blocked = buffer.blocked
-    chance = threshold(dice, index, t)
+    drawn = _drawn(dice, index, t)
     for channel, share in ((0, red), (1, green), (2, blue)):
-        if chance < 1.0 - share:
+        if drawn < 1.0 - share:
             blocked[row, channel * LANES + lane] = 1
     return bool(blocked[row, lane] & blocked[row, lane + LANES] & blocked[row, lane + 2 * LANES])
 
@@ -302,9 +279,9 @@ def leave_out(
 def _through_own(receivers, table, dice, index, own, arriving):
     """Dim a sample's light by what its own triangle lets through."""
     red, green, blue = own_shares(receivers.triangles, receivers.barycentric, table, index, own)
-    chance = 0.0 if dice.strata == 0 else threshold(dice, index, own)
+    drawn = 0.0 if dice.strata == 0 else _drawn(dice, index, own)
     for channel, share in ((0, red), (1, green), (2, blue)):
         if dice.strata == 0:
             arriving[channel] *= share
-        elif chance < 1.0 - share:
+        elif drawn < 1.0 - share:
             arriving[channel] = 0.0

@@ -8,8 +8,7 @@ Without transmission every sample counts 1, which is the paper's case.
 
 Sintorn et al. (2011, section 3.2) propose it for transparent receivers of shadows. Deviations: colours, by the factors
 above; surfaces are found by peeling instead of a depth test, since a factor is that of all surfaces passed. As in the
-paper, the samples of a pixel are stratified, for each triangle on its own: the numbers drawn for its n samples lie one
-in each n-th of [0, 1), so that a triangle which covers a pixel is seen by n (1 - p) of them, rounded up or down.
+paper, the samples of a pixel are stratified, for each triangle on its own (see `geometry.chance`).
 """
 
 import numpy as np
@@ -19,11 +18,12 @@ from umbrae.camera import Camera
 from umbrae.checks import is_whole, shown
 from umbrae.clock import Clock
 from umbrae.errors import OptionError
+from umbrae.geometry.chance import VIEW, chance, key_of
 from umbrae.geometry.glass import mirrored
 from umbrae.geometry.normals import facet_normal, smooth_normal
 from umbrae.geometry.vectors import row, subtract, unit
 from umbrae.memory import require
-from umbrae.parallel import inline, kernel, run
+from umbrae.parallel import kernel, run
 from umbrae.samples import ViewSamples
 from umbrae.sampling.bands import Geometry, Picture
 from umbrae.sampling.cpu import Bands
@@ -32,14 +32,6 @@ from umbrae.sampling.layers import widen
 from umbrae.sampling.seen import Seen, picture_of
 from umbrae.scene import Scene
 from umbrae.transmission import SOLID, Transmission, surface_at, transmission_of
-
-_STRIDES = np.array(
-    [
-        539132281, 567308789, 604631369, 637651891, 663485161, 681143423, 762308179, 810749237,
-        944479709, 955424933, 1001551027, 1015101827, 1019508271, 1043940379, 1060703011, 1068840287,
-    ]
-)  # fmt: skip
-"""Primes, none of which divides a number of samples per pixel: a pixel's samples in so many different orders."""
 
 
 def sample_stochastic(
@@ -71,7 +63,7 @@ def sample_stochastic(
     picture = picture_of(scene, camera, samples_per_pixel)
     total = picture.width * picture.height * len(picture.x)
     require(total * 12, f"weights of a picture of {picture.width} x {picture.height} pixels")
-    bands, table = Bands.of(scene, camera, picture), transmission_of(scene)
+    bands, table, key = Bands.of(scene, camera, picture), transmission_of(scene), key_of(seed, VIEW)
     normals = np.zeros((0, 3), np.float32) if scene.normals is None else scene.normals.view()
     normals.flags.writeable = False
     seen, throughput = Seen.of(picture), np.ones((total, 3), np.float32)
@@ -86,7 +78,7 @@ def sample_stochastic(
         weight = throughput[begin : begin + len(nearest)]
         floor = Floor.of(len(nearest))
         floor.depth[:] = 0.0
-        shared = (bands.geometry, table, normals, camera.eye, seed)
+        shared = (bands.geometry, table, normals, camera.eye, key)
         while _pass(*shared, part, nearest, picture, top, floor, weight):
             behind = Seen.background(len(nearest))
             nearest = bands.draw(index, floor, behind)
@@ -108,7 +100,7 @@ def _pass(
     table: Transmission,
     normals: NDArray[np.float32],
     eye: NDArray[np.float64],
-    seed: int,
+    key: np.uint64,
     part: Seen,
     nearest: NDArray[np.float64],
     picture: Picture,
@@ -149,8 +141,7 @@ def _pass(
             glass *= 1.0 - mirrored(normal, unit(subtract(from_eye, row(position, at))))
         most = max(red, green, blue)
         passing = (1.0 - alpha) + alpha * glass * most
-        pixel, k = top * width + at // per_pixel, at % per_pixel
-        if _chance(seed, t, pixel, k, per_pixel) >= passing:
+        if chance(key, np.int64(t), np.int64(top * width * per_pixel + at), np.int64(per_pixel)) >= passing:
             if glass > 0.0:
                 # a / (1 - p); the opacity cancels.
                 share = 1.0 / (1.0 - glass * most)
@@ -165,23 +156,3 @@ def _pass(
         depth[at], before[at] = nearest[at], t
         widen(box, top, at, width, per_pixel)
     return bool(box[0] <= box[1])
-
-
-@inline
-def _chance(seed: int, t: int, pixel: int, k: int, per_pixel: int) -> float:
-    """A number in [0, 1) for sample k of a pixel at triangle t; those of all its samples lie one in each stratum."""
-    drawn = _mixed(_mixed(_mixed(np.uint64(seed)) ^ np.uint64(t)) ^ np.uint64(pixel))
-    offset = np.int64(drawn >> np.uint64(33))
-    stratum = (k * _STRIDES[np.int64(drawn & np.uint64(15))] + offset) % per_pixel
-    within = np.float64(_mixed(drawn ^ np.uint64(k)) >> np.uint64(11)) * 2.0**-53
-    chance: float = min((stratum + within) / per_pixel, 1.0 - 2.0**-53)
-    return chance
-
-
-@inline
-def _mixed(key: np.uint64) -> np.uint64:
-    """A 64-bit number with each bit depending on all of the key's (splitmix64, Steele et al. 2014)."""
-    key += np.uint64(0x9E3779B97F4A7C15)
-    key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return key ^ (key >> np.uint64(31))

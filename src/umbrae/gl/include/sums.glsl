@@ -19,3 +19,14 @@ void add_steps(int at, uint steps) {
         before = found;
     }
 }
+
+// Let a triangle with these shares dim the light of a sample, and of its place.
+void dim(int place, int sample_index, int triangle, dvec3 share) {
+    for (int i = 0; i < 3; i++) add_steps(3 * place + i, steps_of(share[i]));
+}
+
+// What arrives of a channel at a place.
+float arriving(int place, int channel) {
+    uint sum = sums[3 * place + channel];
+    return sum == OPAQUE ? 0.0 : exp(float(-double(sum) * STEP));
+}

@@ -1,4 +1,5 @@
-// A picture as a tree of tiles with 32 children each, 8 x 4 and 4 x 8 in turns: `methods/frustum_gl/tiles.py`.
+// Samples as a tree of tiles with 32 children each: `methods/frustum_gl/tiles.py`. In pictures they lie 8 x 4 and 4 x 8 in
+// turns; a list is a picture of one row, with 32 x 1 children.
 //
 // Level 0 are the samples; a node's number counts row by row through its level. What is kept for nodes stands by
 // parents, 32 children one after another: the place of a child is 32 times its parent's number plus its `lane`.
@@ -7,11 +8,12 @@ const int MAX_LEVELS = 9;
 
 uniform ivec4 levels[MAX_LEVELS];  // of each level: width and height in nodes, first word, first place of its nodes
 uniform int depth;  // level of the root, which is alone there
+uniform ivec2 tile_bits[2];  // how children lie, as powers of two, at even levels and at odd ones
 uniform ivec4 pixels;  // width of the picture, samples per pixel, and how these lie in x and in y
 
-// How the children of a node at this level lie, as powers of two.
+// How the children of a node at this level lie.
 ivec2 bits_of(int level) {
-    return (level & 1) == 1 ? ivec2(3, 2) : ivec2(2, 3);
+    return tile_bits[level & 1];
 }
 
 ivec2 child_of(int level, ivec2 node, uint lane) {

@@ -1,14 +1,11 @@
-"""A frame: what is done once, for each band of a picture, and for each batch of triangles."""
-
-import math
-from typing import Any
+"""A frame: what is done once, for each band of the samples, and for each batch of triangles."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.camera import Camera
 from umbrae.clock import Clock
 from umbrae.errors import InputError
+from umbrae.geometry.chance import LIGHT, chances, key_of
 from umbrae.geometry.solids import Solids, find_solids
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.gl.context import Session, session
@@ -16,9 +13,9 @@ from umbrae.gl.queries import stage
 from umbrae.light import Light
 from umbrae.mask import ShadowMask
 from umbrae.methods.frustum_gl.exact import decide_pairs, shares_of_pairs
+from umbrae.methods.frustum_gl.layout import Part, View, parts_of, view_of
 from umbrae.methods.frustum_gl.passes import MOST_TASKS, PAIR_BYTES, Defines, Passes
-from umbrae.methods.frustum_gl.tiles import tiles_of
-from umbrae.methods.frustum_gl.uploaded import Band, GpuShadow, UploadedSamples, camera_of, rows_of_band
+from umbrae.methods.frustum_gl.uploaded import Band, GpuShadow, UploadedSamples
 from umbrae.methods.method import Caster
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
@@ -32,10 +29,16 @@ _UNSURE = 2
 
 
 class FrustumGlCaster(Caster):
-    """A scene's triangles on the GPU."""
+    """A scene's triangles on the GPU; `seed` that of stochastic transparency, None for the exact one."""
 
     def __init__(
-        self, scene: Scene, silhouette_planes: bool, skip_full: bool, front_face_culling: bool, clock: Clock | None
+        self,
+        scene: Scene,
+        silhouette_planes: bool,
+        skip_full: bool,
+        front_face_culling: bool,
+        seed: int | None,
+        clock: Clock | None,
     ) -> None:
         clock = clock or Clock()
         self.scene = scene
@@ -43,6 +46,7 @@ class FrustumGlCaster(Caster):
         self.table = transmission_of(scene)
         self._outlines: Defines = {"SILHOUETTE_PLANES": 1} if silhouette_planes else {}
         self._skips: Defines = {"SKIP_FULL": 1} if skip_full else {}
+        self._key = None if seed is None or self.table is None else key_of(seed, LIGHT)
         self._solids: Solids | None = None
         if front_face_culling and len(scene.triangles):
             with clock.span("solids"):
@@ -51,7 +55,7 @@ class FrustumGlCaster(Caster):
         self._reach = float(np.abs(scene.bounds).max())
         self._batch, self._room = BATCH, ROOM
         with self.session.current() as current:
-            self.passes = Passes(current, scene, self.table)
+            self.passes = Passes(current, scene, self.table, self._key)
             self._solid_of = None if self._solids is None else self.passes.buffer(self._solids.of)
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
@@ -59,22 +63,21 @@ class FrustumGlCaster(Caster):
         return self.shadow_on_gpu(light, self.upload(samples, clock), clock).mask(clock)
 
     def upload(self, samples: ViewSamples, clock: Clock | None = None) -> UploadedSamples:
-        """A picture's samples in OpenGL buffers, for any number of lights.
+        """Samples in OpenGL buffers, for any number of lights.
 
         Raises
         ------
         InputError
-            For samples of another scene, anything but a whole picture, and points on no triangle.
+            For samples of another scene, and for more of them in a pixel than chances can tell apart.
         GraphicsError
             For a picture of which the driver has no room for a row.
         """
         samples.check(self.scene)
-        camera = camera_of(samples)
-        step = rows_of_band(camera, samples.size // (camera.width * camera.height), self.passes.most)
-        starts = range(0, camera.height, step) if len(self.scene.triangles) else ()
+        view = view_of(samples, self._reach)
+        parts = parts_of(samples, self.passes.most) if len(self.scene.triangles) else ()
         with self.session.current() as current, stage(current, clock or Clock(), "upload"):
-            bands = tuple(self._band(samples, camera, top, top + step) for top in starts)
-        return UploadedSamples(self, samples, camera, bands)
+            bands = tuple(self.passes.upload(part, view.uniforms(self._reach)) for part in parts)
+        return UploadedSamples(self, samples, view, bands)
 
     def shadow_on_gpu(self, light: Light, uploaded: UploadedSamples, clock: Clock | None = None) -> GpuShadow:
         """The verdicts about samples that this caster has uploaded, left in OpenGL buffers."""
@@ -91,36 +94,18 @@ class FrustumGlCaster(Caster):
             for band in uploaded.bands:
                 with stage(current, clock, "hierarchy"):
                     self.passes.build(band)
-                pairs = self._cast(light, uploaded.camera, band, False, stats, clock)
+                pairs = self._cast(light, uploaded.view, band, False, stats, clock)
                 if self.table is not None:
-                    more = self._cast(light, uploaded.camera, band, True, stats, clock)
-                    pairs = np.concatenate([pairs, more, self._on_own_edges(self.table, band)])
+                    more = self._cast(light, uploaded.view, band, True, stats, clock)
+                    pairs = np.concatenate([pairs, more, self._on_own_edges(self.table, band.part)])
                 with clock.span("exact"):
-                    found = self._decide(light, band, pairs)
+                    found = self._decide(light, band.part, pairs)
                 with stage(current, clock, "merge"):
                     merged.append(self.passes.merge(band, *found))
         partial = () if self.table is None else tuple(shares for _, shares in merged)
-        return GpuShadow(self.session, uploaded, tuple(verdict for verdict, _ in merged), partial, stats)
-
-    def _band(self, samples: ViewSamples, camera: Camera, top: int, bottom: int) -> Band:
-        """Rows of a picture, and their places."""
-        part = samples.rows(top, bottom)
-        height, width = part.shape[:2]
-        tiles = tiles_of(width, height, part.size // (height * width))
-        sides = np.zeros(-(-part.size // 4) * 4, np.int8)
-        sides[: part.size] = part.side.reshape(-1)
-        buffer = self.passes.buffer
-        made = Band(
-            samples=part,
-            first=top * (part.size // height),
-            tiles=tiles,
-            own=buffer(np.where(part.covered, part.triangle, np.int32(-1))),
-            barycentrics=buffer(part.barycentric),
-            sides=buffer(sides),
-            places=self.passes.reserve(16 * tiles.places),
+        return GpuShadow(
+            self.session, uploaded, tuple(verdict for verdict, _ in merged), partial, self._key is not None, stats
         )
-        self.passes.place(made, self._view(camera))
-        return made
 
     def _face(self, light: Light) -> None:
         """The side of every triangle; exact arithmetic decides what float64 leaves open."""
@@ -136,17 +121,17 @@ class FrustumGlCaster(Caster):
             self.passes.set_sides(sides)
 
     def _cast(
-        self, light: Light, camera: Camera, band: Band, see_through: bool, stats: dict[str, int], clock: Clock
+        self, light: Light, view: View, band: Band, see_through: bool, stats: dict[str, int], clock: Clock
     ) -> NDArray[np.int32]:
         """Send the frusta down the tree, of the casters that let light through or of the others.
 
         Returns the pairs `(p, 2)` of a sample and a triangle that float64 leaves open.
         """
         uniforms = {
-            **self._view(camera), **band.tiles.uniforms, "light": _source(light), "reach": self._reach,
+            **view.uniforms(self._reach), **band.part.tiles.uniforms, "light": _source(light), "reach": self._reach,
             "see_through": see_through,
         }  # fmt: skip
-        through: Defines = {"SEE_THROUGH": 1} if see_through else {}
+        through = self.passes.through if see_through else {}
         start, count = 0, len(self.scene.triangles)
         left: list[NDArray[np.int32]] = []
         counted: list[dict[str, int]] = []
@@ -166,7 +151,7 @@ class FrustumGlCaster(Caster):
                 left.clear()
                 counted.clear()
                 if see_through:
-                    self.passes.clear_sums(band)
+                    self.passes.let_all_through(band)
                 continue
             start += size
             left.append(pairs)
@@ -184,45 +169,40 @@ class FrustumGlCaster(Caster):
             self._room, self._batch = most, max(1, size // 2)
 
     def _decide(
-        self, light: Light, band: Band, pairs: NDArray[np.int32]
+        self, light: Light, part: Part, pairs: NDArray[np.int32]
     ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
         """The samples of a band, `(n,)`, that exact arithmetic finds shadowed, and what arrives there, `(n, 3)`."""
         if not len(pairs):
             return np.zeros(0, np.int32), np.zeros((0, 3), np.float32)
-        scene, samples, source = self.scene, band.samples, light.position.astype(np.float64)
-        own, uv, side = samples.triangle.reshape(-1), samples.barycentric.reshape(-1, 2), samples.side.reshape(-1)
+        scene, source = self.scene, light.position.astype(np.float64)
+        # Pairs name some samples several times, and few of all.
+        asked, at = np.unique(pairs[:, 0].astype(np.intp), return_inverse=True)
+        samples, where = part.samples.take(asked), np.stack([at.astype(np.int32), pairs[:, 1]], axis=1)
         closed, found = np.ones(len(pairs), bool), np.zeros(len(pairs), bool)
         if self.table is not None:
             closed = (self.table.kind == SOLID)[pairs[:, 1]] | self.table.closed[scene.material_id[pairs[:, 1]]]
-        decide_pairs(scene.positions, scene.triangles, source, own, uv, side, pairs, closed, found)
-        pairs, shares = pairs[found], np.zeros((int(found.sum()), 3))
+        of = samples.triangle, samples.barycentric, samples.position
+        decide_pairs(scene.positions, scene.triangles, source, *of, samples.side, where, closed, found)
+        pairs, where, shares = pairs[found], where[found], np.zeros((int(found.sum()), 3))
         if self.table is not None:
-            shares_of_pairs(scene.positions, scene.triangles, self.table, source, own, uv, pairs, shares)
+            shares_of_pairs(scene.positions, scene.triangles, self.table, source, *of, where, shares)
+        if self._key is not None:
+            drawn = chances(self._key, pairs[:, 1].copy(), part.numbers(pairs[:, 0]), part.tiles.pixels[1])
+            shares = np.where(drawn[:, None] < 1.0 - shares, 0.0, 1.0)
         shadowed, at = np.unique(pairs[:, 0], return_inverse=True)
         product = np.ones((len(shadowed), 3))
         np.multiply.at(product, at, shares)
         return shadowed, product.astype(np.float32)
 
-    def _on_own_edges(self, table: Transmission, band: Band) -> NDArray[np.int32]:
+    def _on_own_edges(self, table: Transmission, part: Part) -> NDArray[np.int32]:
         """The pairs `(p, 2)` of samples on an edge of their own triangle with it, where the edge may not be its own."""
-        samples = band.samples
+        samples = part.samples
         own, (u, v) = samples.triangle.reshape(-1), samples.barycentric.reshape(-1, 2).T
         on_edge = (u == 0) | (v == 0) | (u.astype(np.float64) + v == 1)
         index = np.flatnonzero(samples.covered.reshape(-1) & (own >= 0) & on_edge)
         through = np.isin(table.kind, (EVEN, VARYING)) & ~table.closed[table.material_id]
         index = index[through[own[index]]]
         return np.stack([index, own[index]], axis=1).astype(np.int32)
-
-    def _view(self, camera: Camera) -> dict[str, Any]:
-        """The camera for `place.glsl` and `setup.glsl`; q is 1 at a distance that nothing exceeds by much."""
-        rows = camera.world_to_clip[:, :3]
-        farthest = float(np.abs(camera.eye).max()) + self._reach
-        return {
-            "eye": tuple(camera.eye.tolist()),
-            "rows": [tuple(row) for row in rows.tolist()],
-            "columns": [tuple(column) for column in np.linalg.inv(rows).T.tolist()],
-            "unit": 2.0 ** math.frexp(farthest)[1],
-        }
 
 
 def _source(light: Light) -> tuple[float, ...]:

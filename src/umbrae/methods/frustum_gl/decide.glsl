@@ -6,7 +6,7 @@
 #include "frustum.glsl"
 #include "invocation.glsl"
 #ifdef SEE_THROUGH  // after the others, which it brings as well
-#include "sums.glsl"
+#include "dimming.glsl"
 #include "transmission.glsl"
 #endif
 
@@ -19,7 +19,7 @@ uniform uint room;
 
 // Whether a sample's own triangle may hide it from the light, so that copies of that triangle may, too.
 bool may_be_turned_away(int index) {
-    int triangle = own[index], side = side_of(index);
+    int triangle = own_of(index), side = side_of(index);
     int towards = facing(corner(triangle, 0), corner(triangle, 1), corner(triangle, 2));
     return side != 0 && (towards == UNSURE || side * towards < 0);
 }
@@ -64,11 +64,11 @@ void main() {
 #ifdef SEE_THROUGH
             // The distances from the side planes are barycentrics, but for their sum (section 3.2).
             dvec3 share = share_of(triangle, sides.yzx / (sides.x + sides.y + sides.z));
-            for (int i = 0; i < 3; i++) add_steps(3 * place + i, steps_of(share[i]));
+            dim(place, index, triangle, share);
 #else
             atomicOr(dark[word], bit);
 #endif
-        } else if (!same_triangle(v, own[index]) || may_be_turned_away(index)) {
+        } else if (own_of(index) < 0 || !same_triangle(v, own_of(index)) || may_be_turned_away(index)) {
             unsure[atomicAdd(counters[UNDECIDED], 1u)] = ivec2(index, triangle);
         }
     }

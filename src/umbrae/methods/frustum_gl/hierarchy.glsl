@@ -33,10 +33,10 @@ void main() {
 #ifdef LEAVES
         uvec4 place = places[at];
         int triangle = int(place.w);
-        if (triangle < 0) continue;
-        bool solid = true;
+        if (triangle == BACKGROUND) continue;
+        bool solid = triangle >= 0;
 #ifdef MATERIALS
-        solid = kind_of(triangle) == SOLID;
+        solid = solid && kind_of(triangle) == SOLID;
 #endif
         if (solid && side_of(sample_of(child)) * facings[triangle] < 0) continue;
         vec3 here = uintBitsToFloat(place.xyz);

@@ -1,16 +1,16 @@
 // What the tree says of nodes holds for their children (Sintorn et al., section 3.1), down to a verdict for each sample.
 
 #include "tiles.glsl"
+#include "samples.glsl"
 #include "invocation.glsl"
 #ifdef SEE_THROUGH  // after the others, which it brings as well
-#include "sums.glsl"
+#include "dimming.glsl"
 #endif
 
 #ifdef COMPUTE_SHADER
 layout(std430, binding = 9) buffer Dark { uint dark[]; };
 
 #ifdef VERDICTS
-layout(std430, binding = 3) readonly buffer Own { int own[]; };
 layout(std430, binding = 8) readonly buffer Present { uint present[]; };
 layout(std430, binding = 15) writeonly buffer Verdict { uint verdict[]; };  // a byte for each sample, 1 in shadow
 #ifdef SEE_THROUGH
@@ -23,15 +23,14 @@ void main() {
     if (first >= count) return;
     uint bytes = 0u;
     for (int i = 0; i < 4 && first + i < count; i++) {
-        bool covered = own[first + i] >= 0;
+        bool covered = own_of(first + i) != BACKGROUND;
         int place = place_of(0, node_of_sample(first + i)), word = levels[1].z + place / 32;
         // One that is left out of the tree is darkened by its own triangle.
         bool hidden = covered && ((dark[word] | ~present[word]) >> (place % 32) & 1u) == 1u;
 #ifdef SEE_THROUGH
         bool lit = false;
         for (int channel = 0; channel < 3; channel++) {
-            uint sum = covered ? sums[3 * place + channel] : 0u;
-            float share = hidden || sum == OPAQUE ? 0.0 : exp(float(-double(sum) * STEP));
+            float share = hidden ? 0.0 : (covered ? arriving(place, channel) : 1.0);
             partial[3 * (first + i) + channel] = share;
             lit = lit || share > 0.0;
         }

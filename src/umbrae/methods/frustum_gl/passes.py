@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from umbrae.errors import GraphicsError
 from umbrae.gl.compute import clear, dispatch, groups_of
 from umbrae.gl.context import Session
+from umbrae.methods.frustum_gl.layout import Part
 from umbrae.methods.frustum_gl.materials import material_arrays
 from umbrae.methods.frustum_gl.tiles import BRANCH, Tiles
 from umbrae.methods.frustum_gl.uploaded import Band
@@ -17,12 +18,12 @@ from umbrae.scene import Scene
 from umbrae.transmission import Transmission
 
 HERE = Path(__file__).parent
-(
-    POSITIONS, TRIANGLES, FACING, OWN, BARYCENTRICS, SIDES, PLACES, BOXES, PRESENT, DARK, FRUSTA, COUNTERS, TASKS,
-    QUEUE, UNSURE, VERDICT,
-) = range(16)  # fmt: skip
-"""Where the shaders find their buffers."""
-SUMS, PARTIAL = 21, 22
+BACKGROUND, FREE = np.int32(-1), np.int32(-2)
+"""In place of a sample's own triangle, as in `gl/include/samples.glsl`."""
+POSITIONS, TRIANGLES, FACING, SAMPLES, NUMBERS = range(5)
+PLACES, BOXES, PRESENT, DARK, FRUSTA, COUNTERS, TASKS, QUEUE, UNSURE, VERDICT = range(6, 16)
+DIMMED, PARTIAL = 21, 22
+"""Where the shaders find their buffers. In DIMMED is what casters let through: sums, or bits where chance decides."""
 SOLIDS, CULLED, FOUND, SHARES = QUEUE, UNSURE, QUEUE, UNSURE
 """Where those find others that use neither of these."""
 
@@ -51,6 +52,8 @@ class Passes:
         The OpenGL context, which must be current whenever a pass runs.
     scene, table
         The triangles, and what they let through; None when all are solid.
+    key
+        Of the chances that decide what is let through (`geometry.chance`); None where they do not.
 
     Raises
     ------
@@ -58,7 +61,7 @@ class Passes:
         When the driver has no room for them.
     """
 
-    def __init__(self, session: Session, scene: Scene, table: Transmission | None) -> None:
+    def __init__(self, session: Session, scene: Scene, table: Transmission | None, key: np.uint64 | None) -> None:
         self.session = session
         self.most = session.integer("GL_MAX_SHADER_STORAGE_BLOCK_SIZE")
         arrays: dict[int, NDArray[Any]] = {POSITIONS: scene.positions, TRIANGLES: scene.triangles}
@@ -72,6 +75,8 @@ class Passes:
                 )
         self._scene = {binding: self.buffer(array) for binding, array in arrays.items()}
         self._materials: Defines = {} if table is None else {"MATERIALS": 1}
+        self._key = None if key is None else (int(key) & 0xFFFFFFFF, int(key) >> 32)
+        self._by_chance: Defines = {} if key is None else {"BY_CHANCE": 1}
         self._colored = table is not None and len(table.colors) > 0
         self._kept: dict[int, Any] = {}
 
@@ -83,11 +88,24 @@ class Passes:
         """A buffer of that many bytes, whatever they are."""
         return self.session.moderngl.buffer(reserve=max(size, 4))
 
-    def place(self, band: Band, uniforms: Mapping[str, Any]) -> None:
-        """Find the samples' places in the picture."""
-        count = band.tiles.places
-        buffers = {OWN: band.own, BARYCENTRICS: band.barycentrics, PLACES: band.places}
-        self._run("place", groups_of(count), {**uniforms, **band.tiles.uniforms, "count": count}, buffers)
+    def upload(self, part: Part, view: Mapping[str, Any]) -> Band:
+        """Samples in buffers, and their places as `view` has them."""
+        samples, count = part.samples, part.samples.size
+        own = samples.triangle.reshape(-1)
+        given = np.empty((count, 4), np.int32)
+        given[:, 0] = np.where(samples.covered.reshape(-1), np.where(own < 0, FREE, own), BACKGROUND)
+        given[:, 1:3] = samples.barycentric.reshape(-1, 2).view(np.int32)
+        given[:, 3] = samples.side.reshape(-1)
+        free = np.flatnonzero(own < 0)
+        given[free, 1:] = samples.position.reshape(-1, 3)[free].view(np.int32)
+        numbers = None
+        if self._key is not None:
+            numbers = self.buffer(part.numbers(np.arange(count, dtype=np.int32)).astype(np.uint32))
+        made = Band(part, self.buffer(given), self.reserve(16 * part.tiles.places), numbers)
+        uniforms = {**view, **part.tiles.uniforms, "count": part.tiles.places}
+        buffers = {SAMPLES: made.given, PLACES: made.places}
+        self._run("place", groups_of(part.tiles.places), uniforms, buffers)
+        return made
 
     def face(self, count: int, uniforms: Mapping[str, Any], culling: tuple[Any, NDArray[np.bool_]] | None) -> int:
         """Find the sides of all triangles that the light is on; returns how many of them float64 leaves open.
@@ -112,10 +130,10 @@ class Passes:
 
     def build(self, band: Band) -> None:
         """Build the tree, from the leaves up, with no shadow in it."""
-        tiles = band.tiles
+        tiles = band.part.tiles
         buffers = {
             **self._some(FACING),
-            SIDES: band.sides,
+            SAMPLES: band.given,
             PLACES: band.places,
             BOXES: self._room(BOXES, 32 * tiles.nodes),
             PRESENT: self._room(PRESENT, 4 * tiles.words),
@@ -124,12 +142,15 @@ class Passes:
             leaves: Defines = {"LEAVES": 1, **self._materials} if level == 1 else {}
             self._run("hierarchy", groups_of(tiles.count(level)), {**tiles.uniforms, "level": level}, buffers, leaves)
         clear(self.session, self._room(DARK, 4 * tiles.words))
-        self.clear_sums(band)
+        self.let_all_through(band)
 
-    def clear_sums(self, band: Band) -> None:
-        """All that casters let through arrives."""
-        if self._materials:
-            clear(self.session, self._room(SUMS, 12 * (band.tiles.places + band.tiles.nodes)))
+    def let_all_through(self, band: Band) -> None:
+        """No caster has dimmed any light yet."""
+        tiles = band.part.tiles
+        if self._by_chance:
+            clear(self.session, self._room(DIMMED, 12 * tiles.count(1)))
+        elif self._materials:
+            clear(self.session, self._room(DIMMED, 12 * (tiles.places + tiles.nodes)))
 
     def tree(self, tiles: Tiles) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         """What `build` has found: `(nodes, 2, 4)` lowest and highest x, y, q; `(words,)` which children there are."""
@@ -155,7 +176,8 @@ class Passes:
         counters[[_FRUSTA_GROUPS + 2, _TASKS_GROUPS + 2]] = 1
         self._room(COUNTERS, counters.nbytes).write(counters.tobytes())
         buffers = {**self._some(FACING, BOXES, COUNTERS), FRUSTA: self._room(FRUSTA, FRUSTUM_BYTES * count)}
-        self._run("setup", groups_of(count), {**uniforms, "count": count}, buffers, {**defines, **self._materials})
+        given: Defines = {**defines, **self._materials, **self._by_chance}
+        self._run("setup", groups_of(count), {**uniforms, "count": count}, buffers, given)
 
     def traverse(self, band: Band, room: int, uniforms: Mapping[str, Any], defines: Defines) -> None:
         """Send the frusta down the tree."""
@@ -165,10 +187,10 @@ class Passes:
             PLACES: band.places,
             TASKS: self._room(TASKS, PAIR_BYTES * room),
             QUEUE: self._room(QUEUE, PAIR_BYTES * room),
-            **self._sums(),
+            **self._dimmed(band),
         }
         given = {**uniforms, "room": room}
-        if band.tiles.depth <= BRANCH:
+        if band.part.tiles.depth <= BRANCH:
             self._run("traversal", (counters, 4 * _FRUSTA_GROUPS), given, buffers, {**defines, "PART": "WHOLE"})
             return
         self._run("traversal", (counters, 4 * _FRUSTA_GROUPS), given, buffers, {**defines, "PART": "UPPER"})
@@ -178,11 +200,9 @@ class Passes:
         """Decide in float64 what the traversal has left open."""
         buffers = {
             **self._some(DARK, COUNTERS, QUEUE),
-            OWN: band.own,
-            BARYCENTRICS: band.barycentrics,
-            SIDES: band.sides,
+            SAMPLES: band.given,
             UNSURE: self._room(UNSURE, PAIR_BYTES * room),
-            **self._sums(),
+            **self._dimmed(band),
         }
         self._run("decide", _DECIDERS, {**uniforms, "room": room}, buffers, defines)
 
@@ -201,31 +221,38 @@ class Passes:
 
         To what the tree says come `shares (n, 3)` of light that `samples (n,)` get besides.
         """
-        tiles, size = band.tiles, -(-band.samples.size // 4) * 4
-        given, through = {**self._some(DARK, PRESENT), **self._sums()}, self._through
-        count = {**tiles.uniforms, "count": band.samples.size}
+        tiles, count, through = band.part.tiles, band.part.samples.size, self.through
+        given = {**self._some(DARK, PRESENT), **self._dimmed(band), SAMPLES: band.given}
+        all_samples = {**tiles.uniforms, "count": count}
         if through:
-            buffers = {**self._some(FACING), **given, OWN: band.own, BARYCENTRICS: band.barycentrics, SIDES: band.sides}
-            self._run("own_share", groups_of(band.samples.size), count, buffers)
-        for level in reversed(range(0 if through else 1, tiles.depth)):
-            self._run("merge", groups_of(tiles.count(level)), {**tiles.uniforms, "level": level}, given, through)
+            self._run("own_share", groups_of(count), all_samples, {**self._some(FACING), **given}, self._by_chance)
+        # Bits of chance are the samples' own; sums, and what is dark, come down to them.
+        summed: Defines = {} if self._by_chance else through
+        for level in reversed(range(0 if summed else 1, tiles.depth)):
+            self._run("merge", groups_of(tiles.count(level)), {**tiles.uniforms, "level": level}, given, summed)
+        size = -(-count // 4) * 4
         made = {VERDICT: self.reserve(size)}
         if through:
-            made[PARTIAL] = self.reserve(12 * band.samples.size)
-        self._run("merge", groups_of(size // 4), count, {**given, **made, OWN: band.own}, {"VERDICTS": 1, **through})
+            made[PARTIAL] = self.reserve(12 * count)
+        self._run("merge", groups_of(size // 4), all_samples, {**given, **made}, {"VERDICTS": 1, **through})
         if len(samples):
             buffers = {**made, FOUND: self.buffer(samples)}
             if through:
                 buffers[SHARES] = self.buffer(shares)
-            self._run("mark", groups_of(len(samples)), {"count": len(samples)}, buffers, through)
+            defines: Defines = {"SEE_THROUGH": 1} if through else {}
+            self._run("mark", groups_of(len(samples)), {"count": len(samples)}, buffers, defines)
         return made[VERDICT], made.get(PARTIAL)
 
     @property
-    def _through(self) -> Defines:
-        return {"SEE_THROUGH": 1} if self._materials else {}
+    def through(self) -> Defines:
+        """For shaders that casters which let light through need."""
+        return {"SEE_THROUGH": 1, **self._by_chance} if self._materials else {}
 
-    def _sums(self) -> dict[int, Any]:
-        return self._some(SUMS) if self._materials else {}
+    def _dimmed(self, band: Band) -> dict[int, Any]:
+        """What casters have let through, and what chance needs to decide that."""
+        if not self._materials:
+            return {}
+        return {**self._some(DIMMED), **({} if band.numbers is None else {NUMBERS: band.numbers})}
 
     def _run(
         self,
@@ -235,7 +262,7 @@ class Passes:
         buffers: Mapping[int, Any],
         defines: Defines | None = None,
     ) -> None:
-        given = {**uniforms, "colored": self._colored}
+        given = {**uniforms, "colored": self._colored, "key": self._key}
         dispatch(self.session, HERE / f"{name}.glsl", groups, given, {**self._scene, **buffers}, defines)
 
     def _some(self, *bindings: int) -> dict[int, Any]:

@@ -1,4 +1,4 @@
-// Where the samples of a picture lie in the camera's normalized device coordinates, tile by tile.
+// Where the samples lie in the camera's normalized device coordinates, tile by tile.
 //
 // (x, y) are those of the picture and q = `unit` / W, with W the distance along the view direction. A plane of space is
 // one there, W times as far: N . (P - V) = W (n . (x, y, 1, q)).
@@ -19,9 +19,9 @@ void main() {
     int slot = invocation();
     if (slot >= count) return;
     ivec2 node = child_of(1, node_of(1, slot / 32), uint(slot) % 32u);
-    int triangle = exists(0, node) ? own[sample_of(node)] : -1;
-    if (triangle < 0) {
-        places[slot] = uvec4(0u, 0u, 0u, 0xffffffffu);
+    int triangle = exists(0, node) ? own_of(sample_of(node)) : BACKGROUND;
+    if (triangle == BACKGROUND) {
+        places[slot] = uvec4(0u, 0u, 0u, uint(BACKGROUND));
         return;
     }
     double shift;

@@ -87,7 +87,11 @@ void main() {
 #ifdef MATERIALS
     int kind = kind_of(triangle);
     if (kind == CLEAR || (kind != SOLID) != see_through) return;
+#ifdef BY_CHANCE
+    uneven = kind != SOLID;  // chance decides for each sample
+#else
     uneven = kind == VARYING;
+#endif
     if (kind == EVEN) {
         dvec3 share = share_of(triangle, dvec3(0.0LF));
         steps = uvec3(steps_of(share.x), steps_of(share.y), steps_of(share.z));

@@ -7,11 +7,13 @@
 // 65535 rounds, all those of an invocation together, without a word.)
 //
 // Casters that are SEE_THROUGH add to a node's sums what they let through, if that is the same everywhere; else they go
-// on to the samples inside, without tests, and leave them to decide.glsl (section 3.2).
+// on to the samples inside, without tests, and leave them to decide.glsl (section 3.2). So do all of them where chance
+// decides for each sample.
 
 #include "tiles.glsl"
 #include "frustum.glsl"
-#ifdef SEE_THROUGH  // after the others, which it brings as well
+#if defined(SEE_THROUGH) && !defined(BY_CHANCE)  // after the others, which it brings as well
+#define SUMMED
 #include "sums.glsl"
 #endif
 
@@ -154,11 +156,13 @@ void main() {
                 rejects += verdict == REJECT ? 1u : 0u;
             }
             bool onward = verdict == REFINE;
-#ifdef SEE_THROUGH
+#ifdef SUMMED
             if (verdict == ACCEPT && !is_uneven(caster)) {
                 int first = first_sum(level - 1) + 3 * at;
                 for (int i = 0; i < 3; i++) add_steps(first + i, nature[i + 1]);
             }
+#endif
+#ifdef SEE_THROUGH
             onward = onward || (verdict == ACCEPT && is_uneven(caster));
 #endif
 #if PART == UPPER

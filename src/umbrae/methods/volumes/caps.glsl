@@ -10,7 +10,7 @@
 layout(triangles) in;
 layout(triangle_strip, max_vertices = 6) out;
 #ifdef FACING_FROM_BUFFER
-layout(std430, binding = 1) readonly buffer Facing { int facing_of_cap[]; };
+layout(std430, binding = 1) readonly buffer Facing { int facing_of_primitive[]; };
 #endif
 in vec3 corner[];
 flat out int weight;
@@ -40,7 +40,7 @@ vec4 project_cap(vec3 point) {
 
 void main() {
 #ifdef FACING_FROM_BUFFER
-    int side = facing_of_cap[cap_of_primitive[gl_PrimitiveIDIn]];
+    int side = facing_of_primitive[gl_PrimitiveIDIn];
 #else
     int side = contribution(0, 1, 2, corner[0], corner[1], corner[2]);
 #endif

@@ -1,70 +1,33 @@
-"""The passes of a frame, which all shadow volume methods share, and the band."""
+"""Shadow volumes of a scene's triangles: where to count from, and the band."""
 
 import dataclasses
-from abc import abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.camera import Camera
 from umbrae.clock import Clock
-from umbrae.errors import InputError, OptionError
+from umbrae.errors import OptionError
 from umbrae.geometry.normals import facet_normals
-from umbrae.gl.context import Session, session
-from umbrae.gl.program import apply, program
-from umbrae.gl.queries import samples_passed, stage
-from umbrae.gl.state import count_faces, push_back, write_depth
-from umbrae.gl.targets import CountTarget, count_target
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
-from umbrae.memory import require
-from umbrae.methods.method import Caster, require_solid
+from umbrae.methods.method import require_solid
+from umbrae.methods.volumes.engine import CONSTANTS, STENCIL_LEVELS, CountingEngine
 from umbrae.methods.volumes.eye import contour_vertices, count_at_eye, crossed_caps, light_spread
 from umbrae.methods.volumes.mesh import volume_mesh
 from umbrae.methods.volumes.method import DETERMINISM, SilhouetteMethod, VolumeMethod
-from umbrae.methods.volumes.view import Rounding, far_plane, view_uniforms
-from umbrae.projection import Uniforms
+from umbrae.methods.volumes.view import Rounding
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
-HERE = Path(__file__).parent
-CONSTANTS = {"REFERENCE_EDGE": 0, "THREE_EDGE": 1, "NONE": 2}
-"""What shaders call the values of `DETERMINISM`, in the same order."""
-_BYTES_PER_SAMPLE = 24
 _ASIDE = ((0.53, 0.61, 0.59), (-0.67, 0.41, 0.62), (0.44, -0.72, 0.54), (0.71, 0.49, -0.50), (-0.38, -0.57, 0.73))
 """Directions of no particular meaning."""
-_STENCIL_LEVELS = 256
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """What the passes of one frame have in common."""
+class VolumeCaster(CountingEngine):
+    """A scene's welded geometry. Methods derive from it and draw the sides of the volumes."""
 
-    light: Light
-    behind: bool
-    stencil: bool
-    uniforms: Uniforms
-    every_face: bool = False
-
-    @property
-    def constants(self) -> dict[str, int | str]:
-        """For shaders that include `count.glsl`."""
-        if self.every_face:
-            return {"FLOAT_COUNTER": 1, "EVERY_FACE": 1}
-        return {} if self.stencil else {"FLOAT_COUNTER": 1}
-
-
-class VolumeCaster(Caster):
-    """A scene's welded geometry in OpenGL buffers. Methods derive from it and draw the sides of the volumes."""
-
-    draws_dark_caps: ClassVar[bool] = False
-    """Whether dark caps come with the sides."""
-    draws_all_caps: ClassVar[bool] = False
-    """Whether light and dark caps come with the sides."""
     inner_faces: ClassVar[bool] = False
     """Whether opposite sides of neighbours may fail to cancel in the last bits (see `ShadowMask.inner_faces`).
 
@@ -74,58 +37,17 @@ class VolumeCaster(Caster):
     def __init__(self, scene: Scene, method: VolumeMethod, clock: Clock | None) -> None:
         require_solid(scene, method.name)
         clock = clock or Clock()
-        self.scene, self.method = scene, method
-        self.session: Session = session()
+        self.method = method
         with clock.span("weld"):
-            self.mesh = volume_mesh(scene)
-        # The last entry, -1, is background's, whose triangle is -1 as well.
-        self._own_cap = np.append(self.mesh.cap_of, np.int32(-1))
+            mesh = volume_mesh(scene)
         self._normals = facet_normals(scene.positions, scene.triangles)
-        with self.session.current():
-            self.vertices = self.buffer(self.mesh.positions)
-            self.triangle_index = self.buffer(self.mesh.triangles)
-            self.cap_of = self.buffer(self.mesh.cap_of[self.mesh.source])
-            if len(self.mesh.triangles):
-                self.upload(clock)
-
-    def buffer(self, values: NDArray[Any]) -> Any:
-        """An OpenGL buffer with these values; never empty, which OpenGL does not allow."""
-        data = np.ascontiguousarray(values).tobytes() or bytes(4)
-        return self.session.moderngl.buffer(data)
-
-    def upload(self, clock: Clock) -> None:
-        """Make what depends on the geometry alone, with the context current."""
-
-    @property
-    def cap_constants(self) -> dict[str, int | str]:
-        """How `caps.glsl` learns which way a triangle faces."""
-        return {**CONSTANTS, "DETERMINISM": 0}
-
-    def extract(self, frame: Frame, clock: Clock) -> dict[str, int]:
-        """Do the work that depends on the light but not on the camera; returns counters."""
-        return {}
-
-    def casting(self, light: Light) -> NDArray[np.bool_] | None:
-        """`(t,)` which triangles of the mesh have a volume under this light; None for all."""
-        return None
-
-    @abstractmethod
-    def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
-        """Draw the side faces of all volumes."""
-
-    def draw(
-        self, file: str, frame: Frame, index: Any, mode: str, constants: Mapping[str, int | str] | None = None
-    ) -> None:
-        """Draw the vertices at `index` as primitives of `mode`, by the program of that file."""
-        drawn = program(self.session, HERE / file, {**(constants or {}), **frame.constants})
-        self.prepare_program(drawn, frame)
-        context = self.session.moderngl
-        array = context.vertex_array(drawn, [(self.vertices, "3f", "position")], index)
-        array.render(getattr(context, mode))
+        super().__init__(scene, method.name, mesh, clock)
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         clock = clock or Clock()
-        count, rounding, stats = self._count(light, samples, clock)
+        self.check(light, samples)
+        rounding = self._rounding(light, samples)
+        count, stats = self.count_volumes(light, samples, rounding, clock)
         with clock.span("mask"):
             in_shadow = (count != 0) & samples.covered
             band = rounding.band(samples, self._normals)
@@ -133,124 +55,30 @@ class VolumeCaster(Caster):
 
     def count(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> NDArray[np.int32]:
         """`(h, w)` or `(h, w, s) int32` how many volumes hold each sample: what the counter says in the end."""
-        return self._count(light, samples, clock or Clock())[0]
-
-    def net_count(self, light: Light, samples: ViewSamples) -> NDArray[np.int32]:
-        """`(h, w) int32` what all faces of all volumes add up to at each pixel, whatever their depth.
-
-        Where volumes are closed, that is the number of them around the eye at every pixel, with nothing to compare
-        depths with. `samples` are a picture with one sample in each pixel.
-        """
-        camera = self._camera_of(samples)
-        if not len(self.mesh.triangles):
-            return np.zeros(samples.shape, np.int32)
-        with self.session.current() as current:
-            target = count_target(current, camera.width, camera.height, stencil=False)
-            frame = Frame(light, True, False, view_uniforms(camera, light, self.mesh.scale, 0, 1))
-            self.extract(frame, Clock())
-            target.clear(0)
-            count_faces(current, target, behind=True, depth_test=False)
-            self.draw_sides(frame, samples)
-            if not self.draws_all_caps:
-                self._draw_caps(frame, samples, self._capped(camera, True, self.casting(light)))
-            return target.read()
-
-    def faces_before(self, light: Light, samples: ViewSamples, outlines: bool = False) -> NDArray[np.int32]:
-        """`(h, w) int32` how many side faces of volumes lie between the eye and each pixel, or edges of such faces.
-
-        For looking at the volumes. `samples` are a picture with one sample in each pixel.
-        """
-        camera = self._camera_of(samples)
-        if not len(self.mesh.triangles):
-            return np.zeros(samples.shape, np.int32)
-        with self.session.current() as current:
-            target = count_target(current, camera.width, camera.height, stencil=False)
-            frame = Frame(light, False, False, view_uniforms(camera, light, self.mesh.scale, 0, 1), every_face=True)
-            self.extract(frame, Clock())
-            self._draw_depth(target, frame, samples, 0)
-            count_faces(current, target, behind=False, outlines=outlines)
-            self.draw_sides(frame, samples)
-            return target.read()
+        self.check(light, samples)
+        return self.count_volumes(light, samples, self._rounding(light, samples), clock or Clock())[0]
 
     @property
     def promise(self) -> Guarantee:
         """The guarantee with the options that were chosen."""
         return Guarantee.BANDED
 
-    def _count(
-        self, light: Light, samples: ViewSamples, clock: Clock
-    ) -> tuple[NDArray[np.int32], Rounding, dict[str, int]]:
-        """The counter for every sample, how far off faces may be drawn, and what was done."""
-        self.check(light, samples)
-        camera = self._camera_of(samples)
-        per_pixel = samples.shape[2] if len(samples.shape) == 3 else 1
-        count = np.zeros((camera.height, camera.width, per_pixel), np.int32)
+    def _rounding(self, light: Light, samples: ViewSamples) -> Rounding:
+        spread = 2.0
+        if not light.is_directional:
+            spread = light_spread(self.mesh.positions, self.mesh.edges.vertices, light.position * self.mesh.scale)
         with self.session.current() as current:
-            spread = 2.0
-            if not light.is_directional:
-                spread = light_spread(self.mesh.positions, self.mesh.edges.vertices, light.position * self.mesh.scale)
-            rounding = Rounding.of(self.scene, camera, current.integer("GL_SUBPIXEL_BITS"), spread)
-            stats: dict[str, int] = {}
-            if len(self.mesh.triangles):
-                require(samples.size * _BYTES_PER_SAMPLE, f"shadows by {self.method.name}")
-                stats = self._fill(current, light, camera, samples, rounding, count, clock)
-        return count.reshape(samples.shape), rounding, stats
-
-    def _fill(
-        self,
-        current: Session,
-        light: Light,
-        camera: Camera,
-        samples: ViewSamples,
-        rounding: Rounding,
-        count: NDArray[np.int32],
-        clock: Clock,
-    ) -> dict[str, int]:
-        per_pixel, bits = count.shape[2], current.integer("GL_SUBPIXEL_BITS")
-        with clock.span("eye"):
-            casting = self.casting(light)
-            behind, start, camera = self._counting(light, camera, rounding, casting, samples.looks_through)
-        end = far_plane(self.scene, camera, light, self.mesh.scale)
-        frames = [
-            Frame(
-                light,
-                behind,
-                self.stencil,
-                {**view_uniforms(camera, light, self.mesh.scale, sample, per_pixel), "far_plane": end},
-            )
-            for sample in range(per_pixel)
-        ]
-        with clock.span("contours"):
-            capped = np.zeros(0, np.int32) if self.draws_all_caps else self._capped(camera, behind, casting)
-        target = count_target(current, camera.width, camera.height, self.stencil)
-        with stage(current, clock, "extract"):
-            stats = self.extract(frames[0], clock)
-        updates = 0
-        for sample, frame in enumerate(frames):
-            part = samples if len(samples.shape) == 2 else _part(samples, sample)
-            with stage(current, clock, "depth"):
-                self._draw_depth(target, frame, part, start)
-            count_faces(current, target, behind)
-            with samples_passed(current) as passed:
-                with stage(current, clock, "sides"):
-                    self.draw_sides(frame, part)
-                if len(capped):
-                    with stage(current, clock, "caps"):
-                        push_back(current, bits)
-                        self._draw_caps(frame, part, capped)
-            updates += passed[0]
-            with clock.span("read"):
-                count[..., sample] = target.read()
-        return {**stats, "zfail": int(behind), "volumes_at_eye": start, "caps": len(capped), "counter_updates": updates}
+            bits = current.integer("GL_SUBPIXEL_BITS")
+        return Rounding.of(self.scene, self.camera_of(samples), bits, spread)
 
     @property
     def stencil(self) -> bool:
         """Whether the counter is a stencil."""
         if self.method.counter == "auto":
-            return len(self.mesh.triangles) < _STENCIL_LEVELS
+            return len(self.mesh.triangles) < STENCIL_LEVELS
         return self.method.counter == "stencil"
 
-    def _counting(
+    def counting(
         self,
         light: Light,
         camera: Camera,
@@ -285,7 +113,7 @@ class VolumeCaster(Caster):
                 return True, 0, moved
         return True, 0, camera
 
-    def _capped(self, camera: Camera, behind: bool, casting: NDArray[np.bool_] | None) -> NDArray[np.int32]:
+    def capped(self, camera: Camera, behind: bool, casting: NDArray[np.bool_] | None) -> NDArray[np.int32]:
         """`(n,)` triangles of the mesh whose caps must be drawn: all of them for z-fail, few for z-pass (see `eye`)."""
         mesh, topology = self.mesh, self.mesh.edges
         if behind:
@@ -301,63 +129,6 @@ class VolumeCaster(Caster):
         near, slack = 1.001 * camera.near * mesh.scale, 1e-3 + 2.0 / min(camera.width, camera.height)
         crossed = crossed_caps(mesh.positions, mesh.triangles, at_contour, world_to_clip, near, slack)
         return np.flatnonzero(crossed if casting is None else crossed & casting).astype(np.int32)
-
-    def _draw_depth(self, target: CountTarget, frame: Frame, samples: ViewSamples, start: int) -> None:
-        target.clear(start % _STENCIL_LEVELS if target.stencil else start)
-        drawn = program(self.session, HERE / "depth.glsl")
-        apply(drawn, frame.uniforms)
-        write_depth(self.session, target)
-        assert samples.depth is not None
-        self._texture("distances", samples.depth).use(0)
-        drawn["distances"].value = 0
-        self.session.moderngl.vertex_array(drawn, []).render(self.session.moderngl.TRIANGLES, vertices=3)
-
-    def _draw_caps(self, frame: Frame, samples: ViewSamples, capped: NDArray[np.int32]) -> None:
-        constants: dict[str, int | str] = {**self.cap_constants, **frame.constants}
-        if frame.behind:
-            constants |= {"BEHIND": 1} if self.draws_dark_caps else {"BEHIND": 1, "DARK_CAPS": 1}
-        drawn = program(self.session, HERE / "caps.glsl", constants)
-        self.prepare_program(drawn, frame)
-        triangles, caps = self.triangle_index, self.cap_of
-        if len(capped) < len(self.mesh.triangles):
-            triangles = self.buffer(self.mesh.triangles[capped])
-            caps = self.buffer(self.mesh.cap_of[self.mesh.source[capped]])
-        self.bind_own_caps(drawn, samples, caps)
-        array = self.session.moderngl.vertex_array(drawn, [(self.vertices, "3f", "position")], triangles)
-        array.render(self.session.moderngl.TRIANGLES)
-
-    def bind_own_caps(self, drawn: Any, samples: ViewSamples, caps: Any) -> None:
-        """Give a program that includes `own.glsl` the samples' own caps, and the caps of its primitives."""
-        self._texture("own_cap", self._own_cap[samples.triangle]).use(0)
-        drawn["own_cap"].value = 0
-        caps.bind_to_storage_buffer(0)
-
-    def prepare_program(self, drawn: Any, frame: Frame) -> None:
-        """Set the uniforms of a program that counts faces."""
-        apply(drawn, frame.uniforms)
-        if "entering" in drawn:
-            drawn["entering"].value = -1.0 if frame.behind else 1.0
-
-    def _texture(self, name: str, values: NDArray[Any]) -> Any:
-        """A texture with one channel of 32 bits, `(h, w)` values from the top; kept and written anew."""
-        height, width = values.shape
-        key = ("texture", name, width, height)
-        kept = self.session.kept
-        if key not in kept:
-            for other in [other for other in kept if other[:2] == key[:2]]:
-                kept.pop(other).release()
-            kept[key] = self.session.moderngl.texture((width, height), 1, dtype="f4" if values.dtype == "f4" else "i4")
-        kept[key].write(np.ascontiguousarray(values))
-        return kept[key]
-
-    def _camera_of(self, samples: ViewSamples) -> Camera:
-        camera, shape = samples.camera, samples.shape
-        if camera is None or samples.depth is None or len(shape) < 2 or shape[:2] != (camera.height, camera.width):
-            raise InputError(
-                f"{self.method.name}: wanted the samples of a whole picture, got {'x'.join(map(str, shape))} points "
-                "without one; the method `frustum` takes points"
-            )
-        return camera
 
 
 class SilhouetteCaster(VolumeCaster):
@@ -377,17 +148,3 @@ class SilhouetteCaster(VolumeCaster):
     @property
     def promise(self) -> Guarantee:
         return Guarantee.BANDED if self.method.determinism == "reference-edge" else Guarantee.NONE
-
-
-def _part(samples: ViewSamples, index: int) -> ViewSamples:
-    """One sample of each pixel, as a picture `(h, w)`."""
-    assert samples.depth is not None
-    return ViewSamples(
-        triangle=samples.triangle[..., index],
-        barycentric=samples.barycentric[..., index, :],
-        side=samples.side[..., index],
-        position=samples.position[..., index, :],
-        covered=samples.covered[..., index],
-        depth=samples.depth[..., index],
-        camera=samples.camera,
-    )

@@ -11,7 +11,8 @@ from umbrae.geometry.edges import edges
 from umbrae.geometry.solids import find_solids
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.light import Light
-from umbrae.methods.volumes.caster import Frame, VolumeCaster
+from umbrae.methods.volumes.caster import VolumeCaster
+from umbrae.methods.volumes.engine import Frame
 from umbrae.methods.volumes.method import VolumeMethod
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene

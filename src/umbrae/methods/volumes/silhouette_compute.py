@@ -9,7 +9,8 @@ import numpy as np
 from umbrae.clock import Clock
 from umbrae.errors import GraphicsError
 from umbrae.gl.program import apply, program
-from umbrae.methods.volumes.caster import HERE, Frame, SilhouetteCaster
+from umbrae.methods.volumes.caster import SilhouetteCaster
+from umbrae.methods.volumes.engine import HERE, Frame
 from umbrae.methods.volumes.method import SilhouetteMethod
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene

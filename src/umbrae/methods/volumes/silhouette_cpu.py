@@ -4,11 +4,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbrae.clock import Clock
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.gl.program import program
-from umbrae.methods.volumes.caster import HERE, Frame, SilhouetteCaster
+from umbrae.methods.volumes.caster import SilhouetteCaster
+from umbrae.methods.volumes.engine import HERE, Frame
 from umbrae.methods.volumes.method import SilhouetteMethod
 from umbrae.parallel import inline, kernel, run
 from umbrae.samples import ViewSamples
@@ -52,7 +54,7 @@ class SilhouetteCpuCaster(SilhouetteCaster):
         else:
             side = np.empty(len(mesh.triangles), np.int8)
             _face_by_edges(mesh.positions, mesh.triangles, light, self.method.determinism == "three-edge", side)
-        self._side = self.buffer(side.astype(np.int32))
+        self._side = side.astype(np.int32)
         if self.method.determinism == "none":
             soup = mesh.positions, topology.vertices, topology.offsets, mesh.opposite
             run(lambda i: _sum_by_edge(*soup, light, *chunks[i], multiplicity), len(chunks))
@@ -77,9 +79,8 @@ class SilhouetteCpuCaster(SilhouetteCaster):
             array = self.session.moderngl.vertex_array(drawn, content)
             array.render(self.session.moderngl.TRIANGLE_STRIP, vertices=4, instances=self._entry_count)
 
-    def prepare_program(self, drawn: Any, frame: Frame) -> None:
-        super().prepare_program(drawn, frame)
-        self._side.bind_to_storage_buffer(1)
+    def bind_sides(self, capped: NDArray[np.int32]) -> None:
+        self.buffer(self._side[capped]).bind_to_storage_buffer(1)
 
 
 @kernel

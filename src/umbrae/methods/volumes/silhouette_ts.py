@@ -6,7 +6,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from umbrae.clock import Clock
-from umbrae.methods.volumes.caster import Frame, SilhouetteCaster
+from umbrae.methods.volumes.caster import SilhouetteCaster
+from umbrae.methods.volumes.engine import Frame
 from umbrae.methods.volumes.method import SilhouetteMethod
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from umbrae.clock import Clock
-from umbrae.methods.volumes.caster import Frame, VolumeCaster
+from umbrae.methods.volumes.caster import VolumeCaster
+from umbrae.methods.volumes.engine import Frame
 from umbrae.methods.volumes.method import VolumeMethod
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene

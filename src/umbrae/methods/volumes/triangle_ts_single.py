@@ -7,7 +7,8 @@ import numpy as np
 
 from umbrae.clock import Clock
 from umbrae.gl.program import program
-from umbrae.methods.volumes.caster import HERE, Frame, VolumeCaster
+from umbrae.methods.volumes.caster import VolumeCaster
+from umbrae.methods.volumes.engine import HERE, Frame
 from umbrae.methods.volumes.method import VolumeMethod
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
