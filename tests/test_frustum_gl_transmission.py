@@ -10,6 +10,7 @@ from umbrae import METHODS, Camera, Guarantee, Light, Scene, ViewSamples, models
 from umbrae.geometry.predicates import hit_weights, shadows
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.material import Material
+from umbrae.methods.area_average import average_over_light
 from umbrae.methods.frustum_gl import caster as frames
 from umbrae.methods.frustum_gl import layout
 from umbrae.transmission import CLEAR, EVEN, SOLID, VARYING, passing, transmission_of
@@ -246,6 +247,20 @@ def test_chance_has_no_say_where_all_is_solid():
     spheres = models.spheres((2, 2), 200)
     mask = prepared(spheres, transparency="stochastic").shadow(light_over(spheres), picture_of(spheres))
     assert mask.guarantee is Guarantee.EXACT and mask.partial is None
+
+
+@pytest.mark.parametrize("method", ["frustum", "frustum-gl"])
+def test_points_of_a_light_have_chances_of_their_own(method):
+    # All light passes the same triangle: with the same chances for each point it would be all or nothing.
+    scene = Scene([(-99, 1, -99), (-99, 1, 99), (198, 1, 0)], [(0, 1, 2)], [MATERIALS["veil"]])
+    points = ViewSamples.points(np.random.default_rng(1).uniform((-1, -1, -1), (1, 0, 1), (2000, 3)))
+    lamp = Light.point((0, 5, 0), radius=0.5)
+    chosen = METHODS[method](transparency="stochastic")
+    mask = average_over_light(chosen.prepare(scene), lamp, points, 32)
+    share = mask.transmittance[:, 0].astype(float)
+    error = np.sqrt(0.3 * 0.7 / 32)
+    assert abs(share.mean() - 0.7) < 4 * error / np.sqrt(2000)
+    assert share.std() == pytest.approx(error, rel=0.1)
 
 
 @pytest.mark.parametrize(

@@ -110,13 +110,14 @@ def find(
             _cull(casters.solids, disc, casters.solid.order, solid)
     casts = np.ones(len(own_side), bool) if table is None else table.kind == SOLID
     sides = _Sides(own_side, casts, solid, sheer)
+    key = None if seed is None else key_of(seed, LIGHT, light.position)
     width = samples.size // samples.shape[0]
     step = max(4, BLOCK // width // 4 * 4)
     for start in range(0, samples.shape[0], step):
         block = samples if step >= samples.shape[0] else samples.rows(start, start + step)
         these = slice(start * width, (start + step) * width)
         part = Found(found.bits[these], found.in_shadow[these], found.shares[these])
-        stats += _shadow_block(casters, disc, block, start * width, sides, seed, part, clock)
+        stats += _shadow_block(casters, disc, block, start * width, sides, key, part, clock)
     return found, stats
 
 
@@ -138,7 +139,7 @@ def _shadow_block(
     samples: ViewSamples,
     first: int,
     sides: _Sides,
-    seed: int | None,
+    key: np.uint64 | None,
     found: Found,
     clock: Clock,
 ) -> NDArray[np.int64]:
@@ -156,7 +157,7 @@ def _shadow_block(
         shading = np.where(sides.casts, sides.own, np.int8(0))
         leaves, trees = build(samples, samples.covered.reshape(-1), shading, source, frames, limits, turned_away, clock)
         found.bits[turned_away] = -1
-    dice = Dice(0, np.uint64(0), 0) if seed is None else Dice(count, key_of(seed, LIGHT), first * count)
+    dice = Dice(0, np.uint64(0), 0) if key is None else Dice(count, key, first * count)
     active = [(frame, tree) for frame, tree in zip(frames, trees, strict=True) if tree is not None]
 
     def shade(

@@ -185,7 +185,7 @@ class FrustumCaster(Caster):
             width = samples.size // samples.shape[0]
             step = max(4, BLOCK // width // 4 * 4)
             by_chance = self.method.transparency == "stochastic"
-            key = key_of(self.method.seed, LIGHT) if by_chance else np.uint64(0)
+            key = key_of(self.method.seed, LIGHT, light.position) if by_chance else np.uint64(0)
             strata = samples.shape[2] if samples.camera is not None and len(samples.shape) == 3 else 1
             for start in range(0, samples.shape[0], step):
                 block = samples if step >= samples.shape[0] else samples.rows(start, start + step)

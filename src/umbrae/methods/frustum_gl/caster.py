@@ -46,7 +46,8 @@ class FrustumGlCaster(Caster):
         self.table = transmission_of(scene)
         self._outlines: Defines = {"SILHOUETTE_PLANES": 1} if silhouette_planes else {}
         self._skips: Defines = {"SKIP_FULL": 1} if skip_full else {}
-        self._key = None if seed is None or self.table is None else key_of(seed, LIGHT)
+        self._seed = None if self.table is None else seed
+        self._key: np.uint64 | None = None
         self._solids: Solids | None = None
         if front_face_culling and len(scene.triangles):
             with clock.span("solids"):
@@ -55,7 +56,7 @@ class FrustumGlCaster(Caster):
         self._reach = float(np.abs(scene.bounds).max())
         self._batch, self._room = BATCH, ROOM
         with self.session.current() as current:
-            self.passes = Passes(current, scene, self.table, self._key)
+            self.passes = Passes(current, scene, self.table, self._seed is not None)
             self._solid_of = None if self._solids is None else self.passes.buffer(self._solids.of)
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
@@ -87,6 +88,9 @@ class FrustumGlCaster(Caster):
         names = "tile_frustum_tests", "sample_frustum_tests", "accepts", "rejects", "fallbacks", "predicate_fallbacks"
         stats = dict.fromkeys(names, 0)
         merged = []
+        if self._seed is not None:
+            self._key = key_of(self._seed, LIGHT, light.position)
+            self.passes.draw_by(self._key)
         with self.session.current() as current:
             if uploaded.bands:
                 with stage(current, clock, "facing"):
