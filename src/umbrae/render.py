@@ -159,7 +159,7 @@ def _require(
     total, samples = len(layers) * layers[0].size, layers[0].size
     # Each mask is there twice while shading, and the picture has three bytes per pixel.
     size = min(samples, BLOCK) * work + total * 2 * len(lights) * shares + camera.width * camera.height * 3
-    if soft and not (solid and AREA_LIGHTS in method.accepts):
+    if soft and AREA_LIGHTS not in method.accepts:
         size += samples * _BYTES_FOR_MEAN
     several = f" in {len(layers)} layers (fewer need less)" if len(layers) > 1 else ""
     require(size, f"after sampling, the rest of a picture of {camera.width} x {camera.height} pixels{several}")

@@ -71,7 +71,7 @@ def try_out(
 def _hindrance(
     method: Method, samples_per_pixel: int, transparent: bool, stochastic: int | None, area: bool, smooth_outlines: int
 ) -> Exception | None:
-    """Everything once on next to nothing: smooth normals, a texture, a mask or glass."""
+    """Everything once on next to nothing: smooth normals, a texture, a solid triangle and a mask or glass."""
     corners = [(-1, 0, 1), (1, 0, 1), (0, 0, -1), (-1, 1, 1), (1, 1, 1), (0, 1, -1)]
     texture = np.full((2, 2, 4), 255, np.uint8)
     leaf = Material(alpha_mode="MASK", texture=texture)
@@ -79,7 +79,7 @@ def _hindrance(
         texture[0, 0] = 128
         leaf = Material(alpha_mode="BLEND", texture=texture, transmission=0.5)
     up, flat = [(0, 1, 0)] * 6, [(0, 0)] * 6
-    tiny = Scene(corners, [(0, 1, 2), (3, 4, 5)], [leaf], normals=up, uv=flat)
+    tiny = Scene(corners, [(0, 1, 2), (3, 4, 5)], [Material(), leaf], [0, 1], normals=up, uv=flat)
     camera = Camera.frame(tiny, width=16, height=16)
     try:
         sun = Light.sun(120, 60, angular_diameter=0.5 if area else 0.0)

@@ -124,8 +124,7 @@ def render(
         raise OptionError("--filter-width is that of --antialiasing derivative, which is not there")
     if filter_width is not None and not 0.0 < filter_width < math.inf:
         raise OptionError(f"--filter-width: wanted a number of pixels > 0, got {filter_width}")
-    if light_samples is not None and not sized:
-        raise OptionError("--light-samples: wanted a light with a size (--light-radius, --sun-diameter)")
+    arguments.check_light_samples(light_samples, light_radius, sun_diameter)
     if layers is not None and stochastic:
         raise OptionError("--layers: --stochastic sees through all surfaces, with no layers")
     if layers is not None and smooth_outlines > 1:

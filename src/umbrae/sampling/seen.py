@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.camera import Camera, pixel_offsets
-from umbrae.checks import instance
+from umbrae.checks import instance, is_whole
 from umbrae.errors import OptionError
 from umbrae.memory import require
 from umbrae.parallel import inline, kernel
@@ -26,7 +26,7 @@ def picture_of(scene: Scene, camera: Camera, samples_per_pixel: int) -> Picture:
     """Where samples lie, once the arguments are known to be good and the result to fit into memory."""
     instance(scene, Scene, "scene")
     instance(camera, Camera, "camera")
-    if not isinstance(samples_per_pixel, (int, np.integer)) or samples_per_pixel < 1:
+    if not is_whole(samples_per_pixel) or samples_per_pixel < 1:
         raise OptionError(f"samples_per_pixel: wanted a whole number from 1, got {samples_per_pixel!r}")
     per_pixel, width, height = int(samples_per_pixel), camera.width, camera.height
     require(
