@@ -21,7 +21,7 @@ def no_opengl(monkeypatch):
     def missing():
         raise um.GraphicsError("the package moderngl is missing: pip install 'umbrae[gl]'")
 
-    monkeypatch.setattr("umbrae.methods.volumes.caster.session", missing)
+    monkeypatch.setattr("umbrae.methods.volumes.engine.session", missing)
     monkeypatch.setattr("umbrae.methods.frustum_gl.caster.session", missing)
     monkeypatch.setattr(doctor, "session", missing)
 
