@@ -92,6 +92,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No stages, no progre
 DEFAULT_SIZE: Any = "1920x1080"  # typer runs defaults through the parser
 DEFAULT_UP: Any = "y"
 DEFAULT_GRID: Any = "10x10"
+DEFAULT_LOTS: Any = "20x20"
 DEFAULT_STEP: Any = "10min"
 
 
