@@ -83,6 +83,16 @@ EpsilonPx = Annotated[
     float | None,
     typer.Option("--epsilon-px", metavar="PIXELS", help="How far the shadows of those chords may be off; 0.25."),
 ]
+SmoothNormals = Annotated[
+    float | None,
+    typer.Option(
+        "--smooth-normals",
+        min=0.0,
+        max=180.0,
+        metavar="DEGREES",
+        help="Make vertex normals anew; edges that turn by more stay sharp.",
+    ),
+]
 Opaque = Annotated[
     bool, typer.Option("--opaque", help="Take every surface as solid: no holes, nothing lets light through.")
 ]

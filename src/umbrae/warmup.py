@@ -78,11 +78,12 @@ def _hindrance(
     if transparent and "transparency" in method.accepts:
         texture[0, 0] = 128
         leaf = Material(alpha_mode="BLEND", texture=texture, transmission=0.5)
-    up, flat = [(0, 1, 0)] * 6, [(0, 0)] * 6
-    tiny = Scene(corners, [(0, 1, 2), (3, 4, 5)], [Material(), leaf], [0, 1], normals=up, uv=flat)
+    # The second triangle stands for a surface that turns away from the sun.
+    normals, flat = [(0, 1, 0)] * 5 + [(-1, 1, -0.3)], [(0, 0)] * 6
+    tiny = Scene(corners, [(0, 1, 2), (3, 4, 5)], [Material(), leaf], [0, 1], normals=normals, uv=flat)
     camera = Camera.frame(tiny, width=16, height=16)
     try:
-        sun = Light.sun(120, 60, angular_diameter=0.5 if area else 0.0)
+        sun = Light.sun(120, 20, angular_diameter=0.5 if area else 0.0)
         render(tiny, camera, [sun], method, samples_per_pixel, stochastic=stochastic, smooth_outlines=smooth_outlines)
     except Exception as error:
         return error

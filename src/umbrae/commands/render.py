@@ -11,10 +11,11 @@ from umbrae import arguments, files, outputs
 from umbrae.arguments import Size
 from umbrae.clock import Clock
 from umbrae.commands.figure import Show, check, figure, kind_of, picture_height
-from umbrae.commands.model import load, note_if_nothing_is_seen
+from umbrae.commands.model import load, note_if_nothing_is_seen, note_if_nothing_is_smooth
 from umbrae.console import ConsoleClock, note, print_json
 from umbrae.errors import OptionError
 from umbrae.methods import make_method
+from umbrae.methods.smooth.silhouette import SmoothMethod
 from umbrae.options import (
     DEFAULT_SIZE,
     DEFAULT_UP,
@@ -35,6 +36,7 @@ from umbrae.options import (
     Quiet,
     Silhouette,
     SizeOption,
+    SmoothNormals,
     SunDiameter,
     Suns,
     Target,
@@ -108,6 +110,7 @@ def render(
     smooth_outlines: Annotated[
         int, typer.Option(min=1, metavar="LEVEL", help="Cut curved sides into so many pieces, for what is seen alone.")
     ] = 1,
+    smooth_normals: SmoothNormals = None,
     opaque: Opaque = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -147,7 +150,8 @@ def render(
     outputs.check(model, [picture, *mask_paths], npz)
     written = [picture, *mask_paths, *([npz] if npz else [])]
 
-    scene = load(model, clock, written, opaque)
+    scene = load(model, clock, written, opaque, smooth_normals)
+    note_if_nothing_is_smooth(scene, isinstance(algorithm, SmoothMethod) or smooth_outlines > 1)
     camera = arguments.camera(scene, view, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up, light_radius, sun_diameter)
     soft = any(one.is_area for one in lights)
@@ -198,6 +202,7 @@ def render(
         antialiasing=antialiasing,
         smooth_outlines=smooth_outlines,
         opaque=opaque,
+        smooth_normals=smooth_normals,
         method=algorithm.name,
         options=algorithm.options(),
         guarantee=image.masks[0].guarantee,
