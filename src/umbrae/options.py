@@ -71,7 +71,7 @@ Silhouette = Annotated[
     str | None,
     typer.Option(
         "--silhouette",
-        metavar="smooth|accurate|discrete",
+        metavar="smooth|accurate|discrete|phong",
         help="Of the smooth methods: bent, not bent, the triangles'.",
     ),
 ]
@@ -86,6 +86,16 @@ EpsilonPx = Annotated[
 NoCulling = Annotated[
     bool, typer.Option("--no-culling", help="Ask every triangle, also those that surely shade nothing in the picture.")
 ]
+SmoothNormals = Annotated[
+    float | None,
+    typer.Option(
+        "--smooth-normals",
+        min=0.0,
+        max=180.0,
+        metavar="DEGREES",
+        help="Make vertex normals anew; edges that turn by more stay sharp.",
+    ),
+]
 Opaque = Annotated[
     bool, typer.Option("--opaque", help="Take every surface as solid: no holes, nothing lets light through.")
 ]
@@ -95,6 +105,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No stages, no progre
 DEFAULT_SIZE: Any = "1920x1080"  # typer runs defaults through the parser
 DEFAULT_UP: Any = "y"
 DEFAULT_GRID: Any = "10x10"
+DEFAULT_LOTS: Any = "20x20"
 DEFAULT_STEP: Any = "10min"
 
 
