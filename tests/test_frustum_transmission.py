@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 import umbrae.methods.frustum_cpu
+import umbrae.methods.frustum_tasks
 from truth import lattice_soup, random_samples, random_soup
 from umbrae import Camera, InputError, Light, Material, OptionError, Scene, ViewSamples, sample, shadow
 from umbrae.geometry.predicates import SHADOWED, facing, shadows
@@ -282,7 +283,7 @@ def test_textured_cards_over_a_whole_picture(monkeypatch):
     )
     assert check(part, product(scene, few.size, all_pairs(scene, ABOVE, few))) > 0.3
     # What finds no room in the queue is refined.
-    monkeypatch.setattr(umbrae.methods.frustum_cpu, "QUEUE", 3)
+    monkeypatch.setattr(umbrae.methods.frustum_tasks, "QUEUE", 3)
     crowded = shadow(scene, ABOVE, samples)
     assert 0 < crowded.stats["queued_tiles"] < mask.stats["queued_tiles"]
     np.testing.assert_array_equal(crowded.partial, mask.partial)

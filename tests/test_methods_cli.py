@@ -119,7 +119,8 @@ def test_verify_all_ends_with_1_for_a_broken_promise(capsys, monkeypatch):
         assert (dark["method"], frustum["method"]) == ("all-dark", "frustum")
         assert dark["outside_band"] == dark["mismatches"] > 0 and dark["guarantee"] == "exact"
         assert frustum["outside_band"] == 0 and frustum["classes"] == {} and frustum["seconds"] > 0
-        options = {"light_samples": 32, "front_face_culling": False, "transparency": "exact", "seed": 0}
+        options = {"light_samples": 32, "culling": True, "front_face_culling": False}
+        options |= {"transparency": "exact", "seed": 0}
         assert frustum["options"] == options
 
 

@@ -1,8 +1,7 @@
 """Per-triangle shadow frusta, rasterized hierarchically over the view samples, on all CPU cores."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +13,9 @@ from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.area_frustum import Casters, check_light_samples, shadow_of_area
 from umbrae.methods.frustum_leaves import COUNTERS, Receivers
-from umbrae.methods.frustum_transmission import Dimming, cover_queued
-from umbrae.methods.frustum_traversal import CLUSTERS, merge, traverse_batch, write_out
+from umbrae.methods.frustum_tasks import empty_queue, in_parts, traverse
+from umbrae.methods.frustum_transmission import Dimming
+from umbrae.methods.frustum_traversal import merge, write_out
 from umbrae.methods.light_frame import POSITION_ERROR, LightFrame, light_frames, surface_error
 from umbrae.methods.lit_clusters import LitClusters
 from umbrae.methods.method import Caster, Method, check_transparency
@@ -31,7 +31,6 @@ from umbrae.methods.transmission_buffer import (
     write_shares,
 )
 from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles
-from umbrae.parallel import run, thread_count
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 from umbrae.transmission import CLEAR, SOLID, Transmission, transmission_of
@@ -42,12 +41,6 @@ _ITSELF = np.empty(0, np.int32)
 _LEAVES_PER_TASK = 4096
 
 _SAMPLES_PER_TASK = 65536
-
-QUEUE = 4096
-"""Nodes that a task may leave for later (see `frustum_transmission`); more are refined."""
-
-_QUEUED_LEAVES = 256
-"""Leaves that a queued node is split into, at most, for one thread."""
 
 MEMORY = ("hierarchy_bytes", "shadow_buffer_bytes")
 """In `ShadowMask.stats` beside `COUNTERS`: bytes of leaves and boxes, and of the flags and sums at nodes and samples.
@@ -85,7 +78,8 @@ class Frustum(Method):
     -------
     culling
         Leave out clusters of triangles whose box, and what lies below it in the light's view, meets no sample (see
-        `cluster_culling`), before anything is computed about their triangles. It never changes a mask.
+        `cluster_culling`), before anything is computed about their triangles. It never changes a mask. Lights with a
+        size do without.
     front_face_culling
         Leave half of each solid's triangles out (section 3.5): a ray that crosses a closed surface crosses triangles
         that face the light and triangles that face away in pairs. The paper drops the former, or the latter; here it
@@ -264,7 +258,7 @@ class FrustumCaster(Caster):
                 merge(tree.level, tree.full)
                 if partial is None:
                     verdicts = tree.slot, tree.full, leaves.ids, in_shadow
-                    _in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_out, *verdicts)
+                    in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_out, *verdicts)
         used = [tree for _, tree in active]
         flags, sums = sum(tree.full.nbytes for tree in used), 0
         if self.sheer is not None and lit.sheer is not None and partial is not None:
@@ -289,9 +283,9 @@ class FrustumCaster(Caster):
         Returns `COUNTERS` and the bytes of the transmission buffers.
         """
         with clock.span("transmission"):
-            _in_parts(len(partial), _SAMPLES_PER_TASK, clock, light_or_dark, in_shadow, partial)
+            in_parts(len(partial), _SAMPLES_PER_TASK, clock, light_or_dark, in_shadow, partial)
             whole, buffers = reserve([tree for _, tree in active], dice)
-            dimming = [Dimming(sheer.table, sheer.even, buffer, dice, *_queue(0), _ITSELF) for buffer in buffers]
+            dimming = [Dimming(sheer.table, sheer.even, buffer, dice, *empty_queue(0), _ITSELF) for buffer in buffers]
             chosen = lit.choose(active, self.method.culling, clock)
             stats = traverse(sheer.clusters, lit.sides, active, chosen, receivers, dimming, clock)
         with clock.span("merge"):
@@ -299,7 +293,7 @@ class FrustumCaster(Caster):
                 if dice.strata == 0:
                     merge_sums(tree.level, buffer)
                 what = tree, receivers, lit.own, sheer.table, buffer, dice, in_shadow, partial
-                _in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_shares, *what)
+                in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_shares, *what)
         whole.release()
         return stats, sum(buffer.bytes for buffer in buffers)
 
@@ -316,7 +310,7 @@ class FrustumCaster(Caster):
         covered = samples.covered.reshape(-1).copy()
         raw = samples.triangle.reshape(-1), samples.barycentric.reshape(-1, 2), samples.side.reshape(-1)
         what = self.scene.positions, self.scene.triangles, source, *raw, facing, table, covered, in_shadow
-        _in_parts(samples.size, _SAMPLES_PER_TASK, clock, leave_out, *what)
+        in_parts(samples.size, _SAMPLES_PER_TASK, clock, leave_out, *what)
         return covered
 
     def _cull(self, solids: Solids, source: NDArray[np.float64], clustered: NDArray[np.int8]) -> None:
@@ -325,75 +319,3 @@ class FrustumCaster(Caster):
         culled = np.append(~holds_light | (source[3] == 0.0), False)[solids.of][self.clusters.order]
         sides = clustered.reshape(-1)[: len(culled)]
         sides[culled & (sides < 0)] = 0
-
-
-def traverse(
-    clusters: TriangleClusters,
-    facing: NDArray[np.int8],
-    active: list[tuple[LightFrame, SampleTree]],
-    chosen: list[NDArray[np.intp]],
-    receivers: Receivers,
-    dimming: list[Dimming] | None,
-    clock: Clock,
-) -> NDArray[np.int64]:
-    """Send the clusters `chosen` for each tree down it, all threads.
-
-    `dimming`, one for each tree, for triangles that let light through.
-    """
-    batches = []
-    for place, numbers in enumerate(chosen):
-        step = min(CLUSTERS, -(-len(numbers) // (8 * thread_count()))) or 1
-        batches += [(place, start, min(start + step, len(numbers))) for start in range(0, len(numbers), step)]
-
-    def task(number: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        place, start, stop = batches[number]
-        frame, tree = active[place]
-        stats = np.zeros(len(COUNTERS), np.int64)
-        queue, queued = _queue(0 if dimming is None else QUEUE)
-        mine = None if dimming is None else dimming[place]._replace(queue=queue, queued=queued)
-        what = clusters.corners, clusters.order, facing, frame, chosen[place], start, stop
-        traverse_batch(*what, tree, receivers, stats, mine)
-        return stats, queue[: queued[0]].copy()
-
-    done = run(task, len(batches), clock)
-    zero = np.zeros(len(COUNTERS), np.int64)
-    total: NDArray[np.int64] = np.sum([zero, *(stats for stats, _ in done)], axis=0, dtype=np.int64)
-    if dimming is not None:
-        for place, (_, tree) in enumerate(active):
-            queues = [queue for (of, _, _), (_, queue) in zip(batches, done, strict=True) if of == place]
-            if queues:
-                total += _cover_queued(np.concatenate(queues), tree, receivers, dimming[place], clock)
-    return total
-
-
-def _queue(room: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """An empty queue of accepted nodes, and how many there are."""
-    return np.empty((room, 3), np.int64), np.zeros(1, np.int64)
-
-
-def _cover_queued(
-    queue: NDArray[np.int64], tree: SampleTree, receivers: Receivers, dimming: Dimming, clock: Clock
-) -> NDArray[np.int64]:
-    """Look up textures below accepted nodes that were left for later, range of leaves by range."""
-    parts = -(-(queue[:, 2] - queue[:, 1]) // _QUEUED_LEAVES)
-    split = np.repeat(queue, parts, axis=0)
-    split[:, 1] += (np.arange(len(split)) - np.repeat(np.cumsum(parts) - parts, parts)) * _QUEUED_LEAVES
-    split[:, 2] = np.minimum(split[:, 2], split[:, 1] + _QUEUED_LEAVES)
-    # By place: each thread stays in one part of the picture.
-    split = split[np.argsort(split[:, 1], kind="stable")]
-    step = -(-len(split) // (16 * thread_count())) or 1
-
-    def task(number: int) -> NDArray[np.int64]:
-        stats = np.zeros(len(COUNTERS), np.int64)
-        start, stop = number * step, min((number + 1) * step, len(split))
-        cover_queued(split, start, stop, tree, receivers, dimming, stats)
-        return stats
-
-    zero = np.zeros(len(COUNTERS), np.int64)
-    total: NDArray[np.int64] = np.sum([zero, *run(task, -(-len(split) // step), clock)], axis=0, dtype=np.int64)
-    return total
-
-
-def _in_parts(count: int, size: int, clock: Clock, kernel: Callable[..., None], *what: Any) -> None:
-    """Call `kernel(start, stop, *what)` for `count` things, `size` at a time, from all threads."""
-    run(lambda part: kernel(part * size, min((part + 1) * size, count), *what), -(-count // size), clock)

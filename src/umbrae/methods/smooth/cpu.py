@@ -14,8 +14,9 @@ from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.cluster_culling import choose_clusters
-from umbrae.methods.frustum_cpu import BLOCK, MEMORY, _in_parts, traverse
+from umbrae.methods.frustum_cpu import BLOCK, MEMORY
 from umbrae.methods.frustum_leaves import COUNTERS, Receivers
+from umbrae.methods.frustum_tasks import in_parts, traverse
 from umbrae.methods.frustum_traversal import merge
 from umbrae.methods.lanes import LANES
 from umbrae.methods.light_frame import POSITION_ERROR, light_frames, surface_error
@@ -200,7 +201,7 @@ class SmoothCaster(Caster):
             for tree, buffer in zip(used, buffers, strict=True):
                 merge_sums(tree.level, buffer)
                 what = tree, receivers, buffer, facing, *own_surface, in_shadow, doubt
-                _in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_counts, *what)
+                in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_counts, *what)
             settle_doubts(
                 doubt, samples.triangle.reshape(-1), receivers, casting.boxes, casting.doubtful, casting.corners,
                 casting.weight, casting.facing, casting.source, own_surface, in_shadow,
