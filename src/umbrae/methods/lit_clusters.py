@@ -74,11 +74,11 @@ class LitClusters:
     def find_seen(self, triangle: NDArray[np.int32], clock: Clock) -> None:
         """Find the sides of all clusters that samples on `triangle (n,)` lie on, and perhaps more.
 
-        All are found where looking for those takes longer: where there are fewer triangles than samples, where clusters
-        do not follow the scene's order, and where samples lie on many of them.
+        All are found where looking for those takes longer: where there are fewer triangles than samples, and many of
+        those, where clusters do not follow the scene's order, and where samples lie on many of them.
         """
         seen = np.zeros(len(self._known), bool)
-        if not self.clusters.in_order or len(self.own) < len(triangle):
+        if not self.clusters.in_order or len(triangle) > max(len(self.own), _SAMPLES_PER_TASK):
             self.find(~seen, clock)
             return
 
