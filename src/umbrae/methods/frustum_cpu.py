@@ -22,7 +22,7 @@ from umbrae.methods.light_frame import POSITION_ERROR, LightFrame, light_frames,
 from umbrae.methods.method import Caster, Method, check_transparency
 from umbrae.methods.sample_tree import SampleTree, bounds_with, build, hierarchy_bytes
 from umbrae.methods.transmission_buffer import Dice, leave_out, light_or_dark, merge_sums, reserve, terms, write_shares
-from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles, light_sides
+from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles, light_sides, moved_clusters
 from umbrae.parallel import run, thread_count
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
@@ -152,10 +152,22 @@ class FrustumCaster(Caster):
             sheer = np.flatnonzero(table.kind > CLEAR)
             if len(sheer):
                 self.sheer = _Sheer(table, terms(table.even), cluster_triangles(scene, clock, sheer))
-        self.solids: Solids | None = None
-        if method.front_face_culling and len(scene.triangles):
-            allowed = np.ones(len(scene.triangles), bool) if self.solid is None else self.solid
-            self.solids = find_solids(scene.positions, scene.triangles, allowed)
+        self.solids = self._find_solids()
+
+    def _place(self, scene: Scene, clock: Clock | None) -> None:
+        self.scene = scene
+        self.clusters = moved_clusters(self.clusters, scene, clock)
+        self.bounds = self.clusters.bounds if self.solid is None else scene.bounds.astype(np.float64)
+        if self.sheer is not None:
+            self.sheer = self.sheer._replace(clusters=moved_clusters(self.sheer.clusters, scene, clock))
+        self.solids = self._find_solids()
+
+    def _find_solids(self) -> Solids | None:
+        scene = self.scene
+        if not self.method.front_face_culling or not len(scene.triangles):
+            return None
+        allowed = np.ones(len(scene.triangles), bool) if self.solid is None else self.solid
+        return find_solids(scene.positions, scene.triangles, allowed)
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         self.check(light, samples)

@@ -80,6 +80,11 @@ class Passes:
         self._colored = table is not None and len(table.colors) > 0
         self._kept: dict[int, Any] = {}
 
+    def move(self, positions: NDArray[np.float32]) -> None:
+        """Let the scene's vertices be at `positions (v, 3)`."""
+        if positions.size:
+            self._scene[POSITIONS].write(positions.tobytes())
+
     def buffer(self, values: NDArray[Any]) -> Any:
         """A buffer with these values; never empty, which OpenGL does not allow."""
         return self.session.moderngl.buffer(np.ascontiguousarray(values).tobytes() or bytes(4))
