@@ -144,7 +144,7 @@ CHANGES = {
     "offset beyond view": (put("accessors", 0, "byteOffset", 10**9), "overrun bufferView"),
     "buffer beyond file": (put("buffers", 0, "byteLength", 10**9), "wanted 1000000000"),
     "stride of nothing": (put("bufferViews", 1, "byteStride", 2), "do not fit a stride of 2"),
-    "other type": (put("accessors", 0, "type", "MAT4"), "'MAT4' of component type 5126"),
+    "other type": (put("accessors", 0, "type", "MAT3"), "'MAT3' of component type 5126"),
     "other component": (put("accessors", 0, "componentType", 5124), "component type 5124"),
     "fewer normals": (put("accessors", 1, "count", 1), "wanted 3 rows (as POSITION has)"),
     "floats for indices": (put("meshes", 0, "primitives", 0, "indices", 0), "wanted unsigned whole numbers"),

@@ -23,7 +23,7 @@ LAYERS = [
     {"sampling"},
     {"files"},
     {"formats"},
-    {"image", "mask", "samples", "projection", "camera", "light", "scene", "material", "transmission"},
+    {"animation", "image", "mask", "samples", "projection", "camera", "light", "scene", "material", "transmission"},
     {"gl", "geometry"},
     {"memory", "parallel", "clock", "checks"},
     {"errors"},

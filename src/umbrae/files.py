@@ -6,17 +6,19 @@ import stat
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
+from umbrae.animation import Animation
 from umbrae.checks import instance, shown
 from umbrae.clock import Clock
 from umbrae.errors import CapacityError, InputError, ModelError, OutputError
 from umbrae.formats.glb import write_glb
 from umbrae.formats.gltf import read_gltf
+from umbrae.formats.gltf_animation import read_animation
 from umbrae.formats.meshes import read_ply, read_stl, scene_from_trimesh, write_ply, write_stl
 from umbrae.formats.obj import read_obj, write_obj
 from umbrae.formats.resources import Folder
@@ -29,6 +31,7 @@ __all__ = [
     "check_readable",
     "check_writable",
     "load",
+    "load_animation",
     "load_text",
     "save",
     "save_arrays",
@@ -39,6 +42,8 @@ __all__ = [
 ]
 
 AnyPath = str | os.PathLike[str]
+_Model = TypeVar("_Model", Scene, Animation)
+_ANIMATED = (".glb", ".gltf")
 _ROWS = 1 << 14
 """Rows of a table that are turned into text at a time."""
 
@@ -104,9 +109,43 @@ def load(path: AnyPath, clock: Clock | None = None, outputs: Collection[AnyPath]
     UserWarning
         When a material library of an OBJ file is missing; its materials are then grey.
     """
+    return _read(path, check_readable(path), clock, outputs)
+
+
+def load_animation(
+    path: AnyPath, name: str | None = None, clock: Clock | None = None, outputs: Collection[AnyPath] = ()
+) -> Animation:
+    """Read an animation of a glTF or GLB file: nodes that move, and skins that follow them.
+
+    Parameters
+    ----------
+    path, clock, outputs
+        As for `load`.
+    name
+        Which animation; the file's first one by default.
+
+    Raises
+    ------
+    ModelError, OutputError, CapacityError
+        As for `load`; also for a file without animations, without one of that name, or that moves morph targets.
+
+    Warns
+    -----
+    UserWarning
+        When the file moves cameras, lights or materials, which are not followed.
+    """
+    check_readable(path)
+    if Path(path).suffix.lower() not in _ANIMATED:
+        raise ModelError(f"{path}: has no animations: wanted one of {' '.join(_ANIMATED)}")
+    return _read(path, lambda data, folder: read_animation(data, folder, name), clock, outputs)
+
+
+def _read(
+    path: AnyPath, reader: Callable[[bytes, Folder], _Model], clock: Clock | None, outputs: Collection[AnyPath]
+) -> _Model:
+    """What a reader makes of a file; whatever goes wrong is one of the errors of `load`."""
     file = _path(path)
     with (clock or Clock()).span("load"), np.errstate(all="ignore"):
-        reader = check_readable(path)
         try:
             data = file.read_bytes()
         except OSError as error:

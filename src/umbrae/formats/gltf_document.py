@@ -19,7 +19,7 @@ _EXTENSIONS = ("KHR_texture_transform", "KHR_mesh_quantization", "KHR_lights_pun
 """What a file may require, besides `KHR_materials_*`, which change the look and never the shape."""
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _INDICES = "<u1", "<u2", "<u4"
 
 
@@ -154,7 +154,7 @@ class Document:
         kind, component = entry.text("type", ""), entry.whole("componentType")
         dtype = _COMPONENTS.get(component)
         if kind not in _WIDTHS or dtype is None:
-            raise ModelError(f"{entry.where}: {kind!r} of component type {component} is nothing for meshes")
+            raise ModelError(f"{entry.where}: {kind!r} of component type {component} is nothing for meshes or bones")
         count, width = entry.whole("count"), _WIDTHS[kind]
         sparse = entry.entry("sparse")
         if "bufferView" in entry:
