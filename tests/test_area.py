@@ -11,7 +11,6 @@ from umbrae import (
     Guarantee,
     InputError,
     Light,
-    Material,
     OptionError,
     Scene,
     ShadowMask,
@@ -23,7 +22,7 @@ from umbrae import (
 from umbrae.clock import Clock
 from umbrae.methods import area_frustum, cast_shadow, make_method
 from umbrae.methods.area_average import average_over_light
-from umbrae.methods.area_frustum import light_bits
+from umbrae.methods.area_frustum import find
 from umbrae.methods.area_samples import fill_lights, fixed_samples, light_disc, light_samples
 from umbrae.methods.frustum_cpu import Frustum
 from umbrae.methods.oracle import Exact, Oracle
@@ -141,7 +140,7 @@ def test_wrong_numbers_of_light_samples_are_refused(count):
 def bits_of(scene: Scene, light: Light, samples: ViewSamples, count: int, culling: bool = False) -> np.ndarray:
     """`(n, count) bool`, as the frustum method says."""
     caster = Frustum(front_face_culling=culling).prepare(scene)
-    bits, _ = light_bits(scene, caster.clusters, caster.solids, light, samples, count, Clock())
+    (bits, _, _), _ = find(caster.casters, light, samples, count, None, Clock())
     unused = ~np.int64(0) << np.int64(count) if count < 64 else np.int64(0)
     assert ((bits & unused) == unused).all()
     return (bits[:, None] >> np.arange(count) & 1).astype(bool)
@@ -254,7 +253,7 @@ def test_a_region_of_influence_holds_all_of_a_penumbra_and_little_else(turned, l
     points = below + rng.uniform(-1.5, 1.5, (30_000, 3)) * (1, 0, 1)
     samples = ViewSamples.points(points)
     caster = Frustum().prepare(scene)
-    packed, stats = light_bits(scene, caster.clusters, None, light, samples, 64, Clock())
+    (packed, _, _), stats = find(caster.casters, light, samples, 64, None, Clock())
     truth, sure, pairs = plain_bits(scene, light, samples, 64)
     np.testing.assert_array_equal((packed[:, None] >> np.arange(64) & 1).astype(bool)[sure], truth[sure])
     assert sure.mean() > 0.99
@@ -506,17 +505,6 @@ def test_average_and_frustum_agree_about_umbra_and_lit_ground():
     mean = cast_shadow(Plain(), Plain().prepare(scene), light, samples).transmittance
     assert np.abs(exact - mean).mean() < 0.01
     assert np.abs(exact - mean).max() < 0.35
-
-
-def test_scenes_that_let_light_through_take_the_mean_over_fixed_light_samples():
-    leaf = Material(alpha_mode="BLEND", base_color=(1, 1, 1, 0.5))
-    scene = Scene(np.array([[0, 1, 0], [1, 1, 0], [0, 1, 1]], np.float32), np.array([[0, 1, 2]]), [leaf])
-    samples = ViewSamples.points([[0.2, 0, 0.2], [0.75, 0, 0.75], [5, 0, 5]])
-    mask = shadow(scene, Light.point((0, 3, 0), radius=0.2), samples, Frustum(light_samples=16))
-    assert mask.guarantee is Guarantee.NONE and mask.partial is not None
-    # Below the pane half the light, on the line below its edge between half and all, beside it all.
-    below, at_edge, beside = mask.partial[:, 0]
-    assert below == pytest.approx(0.5, abs=1e-5) and 0.5 < at_edge < 1 and beside == 1
 
 
 def test_empty_scenes_and_no_samples():

@@ -105,6 +105,18 @@ def test_one_light_has_one_mask_and_no_extra_axis():
     assert len(np.unique(mask)) > 2
 
 
+def test_smooth_outlines_have_arrays_without_depth(folder, capsys):
+    um.save(models.sphere_scene.sphere(segments=8, rings=4), folder / "ball.glb")
+    for level, name in ((1, "coarse"), (6, "smooth")):
+        assert (
+            umbrae(f"render ball.glb -o {name}.png --npz {name}.npz --size 64x64 --smooth-outlines {level} --json") == 0
+        )
+        assert json.loads(capsys.readouterr().out)["smooth_outlines"] == level
+    with np.load("coarse.npz") as coarse, np.load("smooth.npz") as smooth:
+        assert set(coarse) - set(smooth) == {"depth"} and set(smooth) < set(coarse)
+        assert smooth["covered"].sum() > 1.02 * coarse["covered"].sum()
+
+
 @pytest.fixture
 def pane(folder):
     """A model whose roof is a blue pane."""
@@ -274,6 +286,12 @@ BAD = {
     "render roof.glb --method silhouette-cpu --show count --sun-diameter 1": "--show count: wanted a light without",
     "render roof.glb --light-radius 2": "--light-radius: wanted a point light (--light)",
     "render roof.glb --layers 0": "'--layers'",
+    "render roof.glb --smooth-outlines 0": "'--smooth-outlines'",
+    "render roof.glb --smooth-outlines 99": "smooth outlines: wanted a level of 1 to 64, got 99",
+    "render roof.glb --smooth-outlines 3 --layers 2": "--layers: --smooth-outlines sees solid surfaces only",
+    "render roof.glb --smooth-outlines 3 --antialiasing derivative": "do not go with antialiasing 'derivative'",
+    "render roof.glb --smooth-outlines 3 --stochastic --samples-per-pixel 4": "do not go with a stochastic picture",
+    "render roof.glb --method silhouette-cpu --show count --smooth-outlines 3": "has no --smooth-outlines",
     "render roof.glb --seed 3": "--seed chooses the chances of --stochastic, which is not there",
     "render roof.glb --stochastic": "--stochastic: wanted --samples-per-pixel above 1",
     "render roof.glb --stochastic --seed -1 --samples-per-pixel 4": "'--seed'",

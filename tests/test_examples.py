@@ -1,4 +1,4 @@
-"""Every example runs, and so does every line of Python in the README and in docs/light.md."""
+"""Every example runs, and so does every line of Python in the README and on two pages."""
 
 import re
 import runpy
@@ -14,6 +14,11 @@ SAYS = {
     "hello_shadow": r"pavilion\.png: \d+% of what is seen lies in shadow, guarantee: exact\n",
     "overdraw": r"updates or tests( +\d+ x +\d+){2}\n((z-pass|z-fail|frustum) +[\d,]+ +[\d,]+\n){3}",
     "sensors": r"(#{8}\n){4}(\.{8}\n){8}on the wall: 33% in shadow\nin front of it: 17% in shadow\n",
+    "smooth_shadows": r"((discrete|accurate): \d{4} samples of the floor are not as under a fine mesh\n){2}"
+    r"smooth: \d{3} samples of the floor are not as under a fine mesh\n"
+    r"of 512000 samples \d{4} are wrong without bands, \d with them\n"
+    r"discrete: \d{3} samples change with the mesh, \d\d by more than a pixel\n"
+    r"smooth: \d\d samples change with the mesh, 0 by more than a pixel\n",
     "stained_glass": r"(layer \d: +\d+\.\d\d% of the picture\n){5,8}",
     "sun_hours": r"(2026-\d\d-2\d: +\d+\.\d h of day, north \d\.\d h, south \d\.\d h\n){3}",
     "tree_shadows": r"([a-z ]{10}( \d\d\.\d%){3} of red, green, blue reaches the floor\n){5}",
@@ -28,7 +33,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_example(path, capsys, request):
-    if path.stem == "overdraw":
+    if path.stem in ("overdraw", "smooth_shadows"):
         request.getfixturevalue("opengl")
     runpy.run_path(str(path), run_name="__main__")
     assert re.fullmatch(SAYS[path.stem], capsys.readouterr().out)
@@ -50,8 +55,9 @@ def test_readme(capsys):
     assert Path("model.png").exists()
 
 
-def test_page_on_light():
-    run_python_in("docs/light.md")
+@pytest.mark.parametrize("page", ["docs/light.md", "docs/smooth.md"])
+def test_page(page):
+    run_python_in(page)
 
 
 def test_readme_names_every_command_and_method():

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from test_frustum_gl import light_over, picture_of, prepared
-from umbrae import METHODS, Camera, Guarantee, Light, Scene, ViewSamples, models, sample
+from umbrae import METHODS, Camera, Guarantee, Light, Scene, ViewSamples, models, sample, verify
 from umbrae.geometry.predicates import hit_weights, shadows
 from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.material import Material
+from umbrae.methods.area_average import average_over_light
 from umbrae.methods.frustum_gl import caster as frames
 from umbrae.methods.frustum_gl import layout
 from umbrae.transmission import CLEAR, EVEN, SOLID, VARYING, passing, transmission_of
@@ -246,3 +247,48 @@ def test_chance_has_no_say_where_all_is_solid():
     spheres = models.spheres((2, 2), 200)
     mask = prepared(spheres, transparency="stochastic").shadow(light_over(spheres), picture_of(spheres))
     assert mask.guarantee is Guarantee.EXACT and mask.partial is None
+
+
+@pytest.mark.parametrize("method", ["frustum", "frustum-gl"])
+def test_points_of_a_light_have_chances_of_their_own(method):
+    # All light passes the same triangle: with the same chances for each point it would be all or nothing.
+    scene = Scene([(-99, 1, -99), (-99, 1, 99), (198, 1, 0)], [(0, 1, 2)], [MATERIALS["veil"]])
+    points = ViewSamples.points(np.random.default_rng(1).uniform((-1, -1, -1), (1, 0, 1), (2000, 3)))
+    lamp = Light.point((0, 5, 0), radius=0.5)
+    chosen = METHODS[method](transparency="stochastic")
+    mask = average_over_light(chosen.prepare(scene), lamp, points, 32)
+    share = mask.transmittance[:, 0].astype(float)
+    error = np.sqrt(0.3 * 0.7 / 32)
+    assert abs(share.mean() - 0.7) < 4 * error / np.sqrt(2000)
+    assert share.std() == pytest.approx(error, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "light", [Light.directional((0, -1, 0)), Light.directional((1, -2, -1)), Light.point((2, 3, 2))]
+)
+@pytest.mark.parametrize("alpha_mode", ["BLEND", "MASK"])
+def test_an_edge_of_the_own_pane_counts_once(alpha_mode, light):
+    # A sheet seen from below, and each sample moved to an edge of its triangle.
+    grid = np.linspace(0, 4, 5)
+    positions = [(x, 1.0, z) for z in grid for x in grid]
+    quads = [(a, a + 1, a + 5, a + 6) for a in (5 * j + i for j in range(4) for i in range(4))]
+    triangles = [t for a, b, c, d in quads for t in ((a, c, d), (a, d, b))]
+    scene = Scene(np.array(positions), triangles, [Material((0.5, 0.5, 0.5, 0.5), alpha_mode, alpha_cutoff=0.25)])
+    scene = scene if alpha_mode == "BLEND" else dataclasses.replace(
+        scene, materials=[Material((1, 1, 1, 1), "MASK", texture=np.array([[[255] * 4, [255] * 3 + [0]]], np.uint8))],
+        uv=np.full((25, 2), 0.25),
+    )  # fmt: skip
+    samples = sample(scene, Camera.look_at((2, -3, 2.01), (2, 1, 2), fov_y=40, width=48, height=40))
+    uv = samples.barycentric.copy()
+    uv[::3, :, 0] = 0
+    uv[1::3, :, 1] = 0
+    uv[2::3, :, 1] = 1 - uv[2::3, :, 0]
+    on_edge = ViewSamples.on_surface(scene, samples.triangle[samples.covered], uv[samples.covered], 1)
+    position = samples.position.copy()
+    position[samples.covered] = on_edge.position
+    samples = dataclasses.replace(samples, barycentric=uv, position=position)
+    inner = samples.covered & ((position[..., [0, 2]] > 0.01) & (position[..., [0, 2]] < 3.99)).all(axis=-1)
+    assert inner.sum() > 500
+    mask = prepared(scene).shadow(light, samples)
+    np.testing.assert_allclose(mask.transmittance[inner], 0.5 if alpha_mode == "BLEND" else 0, rtol=0, atol=1e-5)
+    assert verify(scene, light, samples, mask).ok

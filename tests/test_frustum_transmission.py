@@ -1,5 +1,6 @@
 """What gets through translucent, coloured and textured casters, against rationals and a formula of its own."""
 
+import dataclasses
 from fractions import Fraction
 
 import numpy as np
@@ -13,7 +14,7 @@ from umbrae import Camera, InputError, Light, Material, OptionError, Scene, View
 from umbrae.geometry.predicates import SHADOWED, facing, shadows
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.frustum_cpu import Frustum
-from umbrae.methods.oracle import Exact
+from umbrae.methods.oracle import Exact, Oracle
 from umbrae.models import sphere, spheres
 from umbrae.samples import surface_points
 
@@ -157,10 +158,10 @@ def predicate_pairs(positions, triangles, light, own, barycentric, side, positio
         u, v = np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
         for t in range(len(triangles)):
             point[:] = position[i]
-            if t == own[i]:
-                hit = side[i] * facings[t] < 0
-            elif facings[t] == 0:
+            if facings[t] == 0:
                 hit = False
+            elif t == own[i] and closed_of[t]:
+                hit = side[i] * facings[t] < 0
             else:
                 args = light, own[i], u, v, np.int64(side[i]), point, closed_of[t]
                 hit = shadows(positions, triangles, t, facings[t], *args) & SHADOWED != 0
@@ -393,6 +394,54 @@ def test_own_triangle_turned_away_dims_once():
         truth = passed(textured, np.zeros(200, int), weights) if side == -1 else np.ones((200, 3))
         check(mask, truth)
         assert side != -1 or (0.05 < mask.in_shadow.mean() < 0.9 and mask.transmittance.max() == 1.0)
+
+
+def on_own_edges(scene: Scene) -> ViewSamples:
+    """The corners and the middles of the edges of all triangles, seen from below, by each triangle that has them."""
+    uv = np.array([(0, 0), (1, 0), (0, 1), (0.5, 0), (0, 0.5), (0.5, 0.5)], np.float32)
+    triangle = np.repeat(np.arange(len(scene.triangles)), len(uv))
+    a, b, c = np.moveaxis(scene.positions[scene.triangles].astype(float), 1, 0)
+    below = np.where(np.cross(b - a, c - a)[:, 1] > 0, -1, 1)
+    samples = ViewSamples.on_surface(scene, triangle, np.tile(uv, (len(below), 1)), below[triangle])
+    inner = ((samples.position[:, [0, 2]] > 0) & (samples.position[:, [0, 2]] < 4)).all(axis=1)
+    return samples.take(np.flatnonzero(inner))
+
+
+@pytest.mark.parametrize("method", [Frustum(), Frustum(transparency="stochastic"), Oracle()], ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "light",
+    [
+        Light.directional((0, -1, 0)),
+        Light.directional((1, -2, -1)),
+        Light.point((2, 3, 2)),
+        Light.point((0.5, 9, 3)),
+        Light.point((2, 3, 2), radius=1e-12),
+        Light.point((1, 6, 3), radius=0.5),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("alpha", [0.5, 1.0])
+def test_an_edge_of_the_own_pane_counts_once(alpha, light, method):
+    # Opaque where it can be seen, but not solid: a texture that is clear somewhere else.
+    scene = pane(0.5, 4)
+    if alpha == 1.0:
+        texels = np.full((1, 4, 4), 255, np.uint8)
+        texels[0, 3, 3] = 0
+        uv = np.full((len(scene.positions), 2), 0.3)
+        uv[-1] = 0.3, 0.3
+        scene = Scene(scene.positions, scene.triangles, [Material((1, 1, 1, 1.0), "BLEND", texture=texels)], uv=uv)
+    samples = on_own_edges(scene)
+    mask = shadow(scene, light, samples, method)
+    if method == Frustum(transparency="stochastic") and alpha < 1.0 and light.radius != 1e-12:
+        # By chance all light or none, and of a wide light that of either triangle for a part of it.
+        assert light.is_area or set(np.unique(mask.transmittance)) == {0.0, 1.0}
+        assert 0.4 < mask.transmittance.mean() < 0.6
+    else:
+        np.testing.assert_allclose(mask.transmittance, 1 - alpha, rtol=0, atol=1e-6)
+    assert (mask.in_shadow == (mask.transmittance == 0).all(axis=1)).all()
+    # From above nothing of it is in the way.
+    above = dataclasses.replace(samples, side=-samples.side)
+    assert (shadow(scene, light, above, method).transmittance == 1).all()
 
 
 def stack(materials: list[Material]) -> Scene:

@@ -12,7 +12,9 @@ from umbrae.geometry.texture import fetch, pack
 from umbrae.material import Material
 from umbrae.parallel import kernel
 from umbrae.samples import ViewSamples
+from umbrae.sampling import layers as layers_module
 from umbrae.sampling import sample, sample_layers, sample_stochastic
+from umbrae.sampling.seen import BYTES_PER_SAMPLE
 from umbrae.scene import Scene
 from umbrae.transmission import CLEAR, VARYING, passing, transmission_of
 
@@ -234,7 +236,7 @@ def test_the_number_of_threads_changes_nothing(monkeypatch):
 
 def test_bad_questions_are_refused(monkeypatch):
     scene = squares((0.0, PANE), (-1.0, WALL))
-    for wrong in (0, -1, 2.0, "8"):
+    for wrong in (0, -1, 2.0, "8", True):
         with pytest.raises(OptionError, match="layers: wanted a whole number from 1"):
             sample_layers(scene, CAMERA, wrong)
     for wrong in (-1, 1.5, "x", 1 << 63):
@@ -254,6 +256,33 @@ def test_bad_questions_are_refused(monkeypatch):
     monkeypatch.setenv("UMBRAE_THREADS", "1")
     with pytest.raises(CapacityError, match="layer 2 of a picture of 512 x 512 pixels with 2 samples each"):
         sample_layers(scene, camera, 8, 2)
+
+
+def test_layers_that_do_not_fit_are_refused_before_the_first(monkeypatch):
+    scene = squares((0.0, PANE), (-0.5, PANE), (-1.0, WALL))
+    camera = Camera.look_at((0, 0, 4), (0, 0, 0), width=512, height=384)
+    one, drawn, draw = 512 * 384 * BYTES_PER_SAMPLE, [], layers_module.Bands.draw
+    monkeypatch.setattr(
+        layers_module.Bands, "draw", lambda self, *what: drawn.append(self.picture.width) or draw(self, *what)
+    )
+
+    def offer(layers):
+        drawn.clear()
+        for module in (umbrae.memory, layers_module):
+            monkeypatch.setattr(module, "available_bytes", lambda: int(layers * one))
+
+    offer(9)
+    assert len(sample_layers(scene, camera, 8)) == 3 and set(drawn) == {512}
+    offer(3.5)  # eight would not fit, but there are three
+    assert len(sample_layers(scene, camera, 8)) == 3 and set(drawn) == {512, 128}
+    offer(2.5)
+    with pytest.raises(
+        CapacityError, match=r"a picture of 512 x 384 pixels with 1 samples each in 3 layers \(fewer need"
+    ):
+        sample_layers(scene, camera, 8)
+    assert set(drawn) == {128}
+    offer(2.5)
+    assert len(sample_layers(scene, camera, 2)) == 2 and set(drawn) == {512}
 
 
 # By chance

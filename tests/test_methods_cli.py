@@ -143,7 +143,7 @@ def no_opengl(monkeypatch):
     def missing():
         raise um.GraphicsError("libEGL is missing: look elsewhere")
 
-    monkeypatch.setattr("umbrae.methods.volumes.caster.session", missing)
+    monkeypatch.setattr("umbrae.methods.volumes.engine.session", missing)
 
 
 def test_without_opengl_there_is_one_line(capsys, no_opengl):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from soups import SOUPS
 from umbrae.errors import InputError
 from umbrae.material import Material
-from umbrae.models import pavilion, pavilion_camera, pavilion_light, sphere, spheres, spheres_light
+from umbrae.models import pavilion, pavilion_camera, pavilion_light, sphere, spheres, spheres_light, town
 from umbrae.models.builder import Builder
 from umbrae.scene import Scene
 
@@ -220,3 +220,33 @@ def test_soups_hold_both_verdicts() -> None:
     verdicts = Counter(answer.in_shadow for soup in SOUPS.values() for answer in soup.answers)
     assert verdicts[True] > 200
     assert verdicts[False] > 200
+
+
+@pytest.mark.parametrize(("grid", "wanted", "tree"), [((1, 1), 14, 0), ((3, 2), 5000, 0), ((4, 5), 40_000, 10_000)])
+def test_a_town_has_the_triangles_and_objects_asked_for(grid, wanted, tree):
+    scene = town(grid, wanted, tree)
+    lots = grid[0] * grid[1]
+    assert wanted - 12 * lots < len(scene.triangles) <= wanted
+    assert (np.bincount(scene.object_id) > 0).all()
+    assert scene.object_id.max() == lots + (tree > 0)
+    if tree:
+        assert (scene.object_id == lots + 1).sum() == tree
+    triangles = welded(scene)
+    for number in range(1, lots + 1):
+        assert_closed(triangles[scene.object_id == number])
+        assert (np.einsum("ij,ij->i", facet_normals(scene), corners(scene)[:, 0])[scene.object_id == number].sum()) > 0
+    np.testing.assert_array_equal(scene.positions, town(grid, wanted, tree).positions)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((0, 3), 1000), "at least 1x1 lots"),
+        (((10, 10), 100), "1202 to"),
+        (((2, 2), 1000, 12), "more than 12 triangles"),
+        (((2, 2.5), 1000), "town: grid"),
+    ],
+)
+def test_a_town_that_cannot_be_is_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        town(*arguments)

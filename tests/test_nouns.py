@@ -1,13 +1,16 @@
 """Scene, Light, Camera, ViewSamples, ShadowMask, Image, Material: what they hold and what they refuse."""
 
+import io
 import warnings
 from fractions import Fraction
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image as PillowImage
 
 import umbrae as um
+from umbrae.formats.resources import decode_texture
 
 TRIANGLE = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 
@@ -278,6 +281,65 @@ def test_material_takes_pillow_images_and_refuses_nonsense():
     ):
         with pytest.raises(um.InputError, match="Material"):
             um.Material(**arguments)
+
+
+@pytest.mark.parametrize("order", ["<u2", ">u2"])
+def test_pictures_of_16_bits_are_scaled(order):
+    values = np.array([[0, 128, 129, 32767, 32768, 65535]], order)
+    picture = PillowImage.fromarray(values)
+    assert picture.mode.startswith("I;16")
+    expected = np.array([[0, 0, 1, 127, 128, 255]])  # 255 v / 65535, to the nearest
+    for texture in (um.Material(texture=picture).texture, decode_texture(in_a_file(picture, "TIFF"), "a.tif")):
+        np.testing.assert_array_equal(texture[..., :3], expected[..., None] * np.ones(3))
+        assert (texture[..., 3] == 255).all()
+    mesh = trimesh.Trimesh(TRIANGLE, [[0, 1, 2]], process=False)
+    mesh.visual = trimesh.visual.TextureVisuals(np.zeros((3, 2)), image=picture)
+    np.testing.assert_array_equal(um.Scene.from_trimesh(mesh).materials[0].texture[..., 0], expected)
+
+
+@pytest.mark.parametrize(
+    ("values", "kind"),
+    [(np.ones((1, 2), np.float32), "floating-point numbers"), (np.ones((1, 2), np.int32), "32-bit integers")],
+)
+def test_pictures_that_would_be_clipped_are_refused(values, kind):
+    picture = PillowImage.fromarray(values)
+    with pytest.raises(
+        um.InputError, match=f"^Material.texture: wanted a picture of 8 or 16 bits per channel, got {kind}$"
+    ):
+        um.Material(texture=picture)
+    with pytest.raises(
+        um.InputError, match=f"^texture a.tif: wanted a picture of 8 or 16 bits per channel, got {kind}$"
+    ):
+        decode_texture(in_a_file(picture, "TIFF"), "a.tif")
+    mesh = trimesh.Trimesh(TRIANGLE, [[0, 1, 2]], process=False)
+    mesh.visual = trimesh.visual.TextureVisuals(np.zeros((3, 2)), image=picture)
+    with pytest.raises(um.InputError, match=f"^Scene.from_trimesh: the mesh's texture: wanted .* got {kind}$"):
+        um.Scene.from_trimesh(mesh)
+
+
+def in_a_file(picture, kind):
+    """The bytes of a picture in a file."""
+    file = io.BytesIO()
+    picture.save(file, kind)
+    return file.getvalue()
+
+
+def test_truth_values_are_no_whole_numbers():
+    scene = um.Scene(TRIANGLE, [[0, 1, 2]])
+    camera, points = um.Camera.frame(scene, width=8, height=8), um.ViewSamples.points([[0, 0, 0]])
+    mask = um.shadow(scene, um.Light.point((0, 1, 0)), points)
+    for make in (
+        lambda: um.METHODS["frustum"](seed=True),
+        lambda: um.METHODS["frustum"](light_samples=True),
+        lambda: um.sample_layers(scene, camera, True),
+        lambda: um.sample(scene, camera, True),
+        lambda: um.sample_stochastic(scene, camera, 4, seed=True),
+        lambda: um.render(scene, camera, layers=True),
+        lambda: um.verify(scene, um.Light.point((0, 1, 0)), points, mask, seed=False),
+        lambda: um.Camera.look_at((0, 0, 1), (0, 0, 0), width=True),
+    ):
+        with pytest.raises(um.InputError, match=r"wanted a whole number.* got (True|False)"):
+            make()
 
 
 def test_unknown_method_names_the_known_ones_and_the_nearest():

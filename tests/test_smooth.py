@@ -437,3 +437,24 @@ def test_bad_options_are_named(options, message):
 def test_methods_are_known():
     assert METHODS["smooth"] is Smooth
     assert METHODS["smooth-gl"] is SmoothGl
+
+
+def test_normals_are_made_for_models_without():
+    shape = turned(SHAPES["cylinder"][0])
+    flat = Scene(shape.positions, shape.triangles)
+    smoothed = flat.smoothed(45)
+    assert smoothed.normals is not None
+    # The side's normals point away from the axis, the ends' along it, and rims have both.
+    facets = np.cross(*(np.diff(smoothed.positions[smoothed.triangles].astype(float), axis=1).transpose(1, 0, 2)))
+    facets /= np.linalg.norm(facets, axis=1, keepdims=True)
+    along = np.einsum("tkj,tj->tk", smoothed.normals[smoothed.triangles].astype(float), facets)
+    assert along.min() > np.cos(np.radians(10))
+    assert len(smoothed.positions) == 120, "rims twice, and the ends' middles, of which there are 20 in the mesh"
+    one = flat.smoothed(180)
+    assert len(np.unique(one.normals.round(5), axis=0)) == 20 * 2 + 2, "no creases"
+    np.testing.assert_array_equal(
+        flat.smoothed(0).positions[flat.smoothed(0).triangles], flat.positions[flat.triangles]
+    )
+    for angle in (-1, 181, float("nan")):
+        with pytest.raises(InputError, match="crease"):
+            flat.smoothed(angle)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from truth import factors, lets_through, random_samples, rational_transmittance, share
-from umbrae import InputError, Light, Material, Scene, ViewSamples
+from umbrae import InputError, Light, Material, Scene, ViewSamples, shadow
 from umbrae.geometry import predicates
 from umbrae.methods.oracle import Exact, Oracle
 from umbrae.methods.oracle_transmission import Product
@@ -126,6 +126,34 @@ def test_a_texture_that_decides_needs_coordinates():
     assert transmission_of(Scene(CORNERS, [(0, 1, 2)], [Material(texture=holes.texture)])) is None
 
 
+@pytest.mark.parametrize(
+    "material",
+    [
+        Material((1, 1, 1, 0.9), "BLEND", texture=texture((9, 50, 200, 128), (90, 5, 20, 128))),
+        Material((1, 0.9, 0.8, 1), transmission=0.8, texture=texture((9, 50, 200, 128), (9, 50, 200, 1))),
+        Material((1, 1, 1, 0.9), "MASK", 0.3, texture=texture((9, 50, 200, 128), (90, 5, 20, 128))),
+    ],
+)
+def test_a_texture_that_is_the_same_where_it_matters_needs_no_coordinates(material):
+    # Vertex colours decide; the texture's factor is one number.
+    rng = np.random.default_rng(1)
+    colors = np.array([(1, 1, 1, 1), (0.5, 1, 0.2, 0.2), (0.1, 0.3, 1, 0.7)], np.float32)
+    scene = Scene(CORNERS, [(0, 1, 2)], [material], colors=colors)
+    assert transmission_of(scene).kind.tolist() == [VARYING]
+    a, b, c = CORNERS
+    u, v = rng.uniform(0, 0.5, (2, 50, 1))
+    light = Light.directional(np.cross(np.subtract(b, a), np.subtract(c, a)).astype(float))
+    samples = ViewSamples.points((a + u * np.subtract(b, a) + v * np.subtract(c, a)) - light.position[:3] / 4)
+    truth = rational_transmittance(scene, light, samples)
+    for method in ("frustum", "oracle"):
+        np.testing.assert_allclose(shadow(scene, light, samples, method).transmittance, truth, rtol=0, atol=1e-5)
+    assert len(np.unique(truth.round(3))) > (1 if material.alpha_mode == "MASK" else 20)
+    # It matters if vertex colours can take it to the other side of the cut-off.
+    uneven = Material(alpha_mode="MASK", texture=texture((0, 0, 0, 200), (0, 0, 0, 255)))
+    with pytest.raises(InputError, match="no texture coordinates"):
+        transmission_of(Scene(CORNERS, [(0, 1, 2)], [uneven], colors=colors))
+
+
 # The oracle against rationals
 
 
@@ -210,13 +238,13 @@ def test_the_exact_share_of_each_caster_lies_between_the_ends(scale, shift):
         place = np.array(position)
         place[:3] = scale * (place[:3] + shift * position[3])
         light = Light(place)
-        samples = random_samples(rng, scene, 60)
+        samples = random_samples(rng, scene, 75)
         exact, kind = Exact(scene, light), transmission_of(scene).kind
         for index in range(samples.size):
             for t in np.flatnonzero((kind == EVEN) | (kind == VARYING)).tolist():
                 if not exact.shades(samples, index, t, closed=False):
                     continue
-                product = Product(scene, kind, light, samples)
+                product = Product(scene, kind, np.tile(light.position, (samples.size, 1)), samples)
                 product.multiply(np.array([[index, t]], np.int64))
                 value, lowest, highest = ([Fraction(x) for x in left[index]] for left in product.left)
                 right = share(scene, light, samples, index, t)

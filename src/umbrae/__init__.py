@@ -21,7 +21,7 @@ from umbrae.material import Material
 from umbrae.methods import METHODS, Caster, Method, shadow
 from umbrae.render import render
 from umbrae.samples import ViewSamples
-from umbrae.sampling import sample, sample_layers, sample_stochastic
+from umbrae.sampling import sample, sample_layers, sample_stochastic, sample_tessellated
 from umbrae.scene import Scene
 from umbrae.sun import SunStudy, sun_hours
 from umbrae.verify import Verdict, verify
@@ -58,6 +58,7 @@ __all__ = [
     "sample",
     "sample_layers",
     "sample_stochastic",
+    "sample_tessellated",
     "save",
     "shadow",
     "sun_hours",

@@ -131,6 +131,12 @@ def lights(
     return made or [replace(default_sun(view, up), angular_diameter=diameter)]
 
 
+def check_light_samples(count: int | None, radius: float, diameter: float) -> None:
+    """Refuse a number of light samples where no light has a size."""
+    if count is not None and not (radius > 0 or diameter > 0):
+        raise OptionError("--light-samples: wanted a light with a size (--light-radius, --sun-diameter)")
+
+
 def _numbers(text: str, separator: str, wanted: str, count: int, number: Callable[[str], Number]) -> list[Number]:
     try:
         values = [number(part) for part in text.split(separator)]

@@ -26,9 +26,14 @@ def number(value: Any, name: str) -> float:
     return float(value)
 
 
+def is_whole(value: Any) -> bool:
+    """Whether a value is a whole number, Python's or NumPy's; True and False are none."""
+    return isinstance(value, Integral) and not isinstance(value, bool)
+
+
 def whole(value: Any, name: str) -> int:
     """A whole number, Python's or NumPy's."""
-    if not isinstance(value, Integral):
+    if not is_whole(value):
         raise InputError(f"{name}: wanted a whole number, got {shown(value)}")
     return int(value)
 

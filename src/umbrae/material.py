@@ -28,7 +28,7 @@ class Material:
     texture
         `(h, w, 4) uint8`, sRGB colour with linear alpha, row 0 at the top (uv = (0, 0) is the top left corner, as
         in glTF), repeated outside [0, 1]; or anything `numpy.asarray` makes into `(h, w)`, `(h, w, 3)` or
-        `(h, w, 4) uint8`, such as a Pillow image. Multiplied with `base_color`.
+        `(h, w, 4) uint8`; or a Pillow image. Multiplied with `base_color`.
 
     Raises
     ------
@@ -66,10 +66,27 @@ class Material:
         return self.alpha_mode == "OPAQUE" and self.transmission == 0.0
 
 
+def texels(picture: Any, name: str) -> NDArray[np.uint8]:
+    """A Pillow image as `(h, w, 4) uint8`; 16 bits of grey are scaled. Messages call it by its name.
+
+    Raises
+    ------
+    InputError
+        For other kinds of numbers, which Pillow would clip: no one knows which of them is white.
+    """
+    if picture.mode.startswith("I;16"):
+        grey = ((np.asarray(picture).astype(np.uint32) * 255 + 32767) // 65535).astype(np.uint8)
+        return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
+    if picture.mode in ("I", "F"):
+        kind = {"I": "32-bit integers", "F": "floating-point numbers"}[picture.mode]
+        raise InputError(f"{name}: wanted a picture of 8 or 16 bits per channel, got {kind}")
+    return np.asarray(picture.convert("RGBA"))
+
+
 def _rgba(texture: Any) -> NDArray[np.uint8]:
-    """Any 8-bit image as `(h, w, 4)`."""
+    """Any 8-bit image, or a Pillow image, as `(h, w, 4)`."""
     if hasattr(texture, "convert"):
-        texture = texture.convert("RGBA")
+        texture = texels(texture, "Material.texture")
     pixels = array(texture, "Material.texture")
     if pixels.ndim == 2:
         pixels = np.repeat(pixels[:, :, None], 3, axis=2)

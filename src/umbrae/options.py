@@ -71,7 +71,7 @@ Silhouette = Annotated[
     str | None,
     typer.Option(
         "--silhouette",
-        metavar="smooth|accurate|discrete",
+        metavar="smooth|accurate|discrete|phong",
         help="Of the smooth methods: bent, not bent, the triangles'.",
     ),
 ]
@@ -83,6 +83,16 @@ EpsilonPx = Annotated[
     float | None,
     typer.Option("--epsilon-px", metavar="PIXELS", help="How far the shadows of those chords may be off; 0.25."),
 ]
+SmoothNormals = Annotated[
+    float | None,
+    typer.Option(
+        "--smooth-normals",
+        min=0.0,
+        max=180.0,
+        metavar="DEGREES",
+        help="Make vertex normals anew; edges that turn by more stay sharp.",
+    ),
+]
 Opaque = Annotated[
     bool, typer.Option("--opaque", help="Take every surface as solid: no holes, nothing lets light through.")
 ]
@@ -92,6 +102,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No stages, no progre
 DEFAULT_SIZE: Any = "1920x1080"  # typer runs defaults through the parser
 DEFAULT_UP: Any = "y"
 DEFAULT_GRID: Any = "10x10"
+DEFAULT_LOTS: Any = "20x20"
 DEFAULT_STEP: Any = "10min"
 
 

@@ -44,10 +44,11 @@ def arrays(scene: Scene, lights: Sequence[Light], image: Image) -> dict[str, NDA
 
     Samples have the shape `(h, w)` or `(h, w, s)`, with the layers before it if there are several. `in_shadow` has that
     shape for one light; for several, lights come first, or right after layers. `transmittance`, beside it where some
-    mask holds shares of light, has three channels after that. `throughput` is there for samples chosen by chance.
+    mask holds shares of light, has three channels after that. `throughput` is there for samples chosen by chance, and
+    `depth` for all but those with smooth outlines.
     """
     samples = image.samples
-    assert samples is not None and samples.depth is not None and samples.camera is not None
+    assert samples is not None and samples.camera is not None
 
     def stacked(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
         return values[0] if len(values) == 1 else np.stack(values)
@@ -55,6 +56,7 @@ def arrays(scene: Scene, lights: Sequence[Light], image: Image) -> dict[str, NDA
     found = {
         name: stacked([getattr(layer, name) for layer in image.layers])
         for name in ("triangle", "barycentric", "side", "position", "covered", "depth")
+        if name != "depth" or samples.depth is not None
     }
     found["in_shadow"] = stacked([stacked([mask.in_shadow for mask in masks]) for masks in image.layer_masks])
     if any(mask.partial is not None for masks in image.layer_masks for mask in masks):

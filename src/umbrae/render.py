@@ -14,8 +14,9 @@ from umbrae.methods import Method, cast_shadow, make_method
 from umbrae.methods.area_average import AREA_LIGHTS
 from umbrae.methods.frustum_cpu import BLOCK
 from umbrae.samples import ViewSamples
-from umbrae.sampling import sample_layers, sample_stochastic
+from umbrae.sampling import sample_layers, sample_stochastic, sample_tessellated
 from umbrae.sampling.layers import check_layers
+from umbrae.sampling.tessellated import check_level
 from umbrae.scene import Scene
 from umbrae.shade import shade, up_axis
 from umbrae.transmission import transmission_of
@@ -43,6 +44,7 @@ def render(
     stochastic: int | None = None,
     antialiasing: str = "samples",
     filter_width: float = 1.0,
+    smooth_outlines: int = 1,
 ) -> Image:
     """Make a picture with shadows: sample what the camera sees, decide the shadows, shade.
 
@@ -74,14 +76,18 @@ def render(
         footprint of each pixel on the surface that it sees is filtered (`antialiasing.filtered_shadow`).
     filter_width
         Side of that footprint in pixels; more than 1 blurs.
+    smooth_outlines
+        A level above 1 shows meshes with smooth normals as if each side were cut into so many pieces, on a curved
+        surface (`sample_tessellated`). Shadows stay those of the mesh, by methods that take samples without a depth.
 
     Raises
     ------
     InputError
-        For no lights, or an up vector of zero.
+        For no lights, an up vector of zero, or smooth outlines of a scene that lets light through.
     OptionError
         For an unknown method or kind of antialiasing, samples per pixel or layers that are not a whole number from 1,
-        a seed that is none from 0, or a filter width that is not positive.
+        a seed that is none from 0, a filter width that is not positive, or smooth outlines of a level that is none,
+        or together with `stochastic` or "derivative".
     CapacityError
         When the picture would not fit into memory.
     """
@@ -95,9 +101,16 @@ def render(
     algorithm = make_method(method)
     check_layers(layers)
     filtered = is_filtered(antialiasing, samples_per_pixel, algorithm)
+    check_level(smooth_outlines)
+    if smooth_outlines > 1 and (filtered or stochastic is not None):
+        with_what = "antialiasing 'derivative'" if filtered else "a stochastic picture"
+        raise OptionError(f"smooth outlines: they do not go with {with_what}")
     with clock.span("sample"):
-        if stochastic is not None:
-            found: tuple[ViewSamples, ...] = (sample_stochastic(scene, camera, samples_per_pixel, stochastic, clock),)
+        found: tuple[ViewSamples, ...]
+        if smooth_outlines > 1:
+            found = (sample_tessellated(scene, camera, smooth_outlines, samples_per_pixel, clock),)
+        elif stochastic is not None:
+            found = (sample_stochastic(scene, camera, samples_per_pixel, stochastic, clock),)
         else:
             found = sample_layers(scene, camera, layers, samples_per_pixel, clock)
     _require(scene, camera, shining, found, algorithm)
@@ -146,7 +159,7 @@ def _require(
     total, samples = len(layers) * layers[0].size, layers[0].size
     # Each mask is there twice while shading, and the picture has three bytes per pixel.
     size = min(samples, BLOCK) * work + total * 2 * len(lights) * shares + camera.width * camera.height * 3
-    if soft and not (solid and AREA_LIGHTS in method.accepts):
+    if soft and AREA_LIGHTS not in method.accepts:
         size += samples * _BYTES_FOR_MEAN
     several = f" in {len(layers)} layers (fewer need less)" if len(layers) > 1 else ""
     require(size, f"after sampling, the rest of a picture of {camera.width} x {camera.height} pixels{several}")

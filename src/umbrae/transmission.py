@@ -46,7 +46,8 @@ class Transmission(NamedTuple):
     even
         `(m, 3) float64`: the share that passes, for triangles of kind `EVEN`.
     base
-        `(m, 4) float64` base colour and alpha; `transmitted (m,)`, `cutoff (m,)`, `mode (m,)` as above.
+        `(m, 4) float64` base colour and alpha, in a scene without `uv` times that of the texture; `transmitted (m,)`,
+        `cutoff (m,)`, `mode (m,)` as above.
     uv, colors
         `(v, 2)` and `(v, 4) float32`, no rows where the scene has none.
     texels, offset, size
@@ -78,7 +79,7 @@ def transmission_of(scene: Scene) -> Transmission | None:
     Raises
     ------
     InputError
-        When it depends on a texture, and the scene has no texture coordinates.
+        When it depends on the place in a texture, and the scene has no texture coordinates.
     """
     if scene.family not in _TABLES:
         _TABLES[scene.family] = _table(scene)
@@ -90,8 +91,9 @@ def _table(scene: Scene) -> Transmission | None:
     if all(material.casts_solid for material in materials):
         return None
     kind_of, even = np.empty(len(materials), np.uint8), np.zeros((len(materials), 3))
+    ranges = np.array([_range(material) for material in materials])
     for index, material in enumerate(materials):
-        kind_of[index], even[index] = _alone(material)
+        kind_of[index], even[index] = _alone(material, *ranges[index])
     kind = kind_of[scene.material_id]
     if scene.colors is not None and any(not material.casts_solid for material in materials):
         # Vertex colours can only lower: alpha where it counts and something is there, colour where some of it passes.
@@ -102,21 +104,24 @@ def _table(scene: Scene) -> Transmission | None:
         kind[fades | (tints & (kind != SOLID) & (corners[..., :3] != 1).any(axis=(1, 2)))] = VARYING
     if (kind == SOLID).all():
         return None
-    textured = np.array([material.texture is not None for material in materials])
-    for index in np.unique(scene.material_id[textured[scene.material_id] & (kind == VARYING)]):
-        if scene.uv is None:
+    base = np.array([m.base_color for m in materials], np.float64)
+    if scene.uv is None:
+        # Textures that are the same everywhere, but for what does not matter, need no coordinates.
+        matters = np.array([[m.transmission > 0.0] * 3 + [m.alpha_mode != "OPAQUE"] for m in materials])
+        place = (matters & (ranges[:, 0] != ranges[:, 1])).any(axis=1)
+        base = np.ascontiguousarray(ranges[:, 0])
+        for index in np.unique(scene.material_id[place[scene.material_id] & (kind == VARYING)]):
             raise InputError(
                 f"material {index} ({materials[index].name!r}): its texture decides how much light passes, but the "
                 "scene has no texture coordinates (Scene.uv)"
             )
-    wanted = textured & (scene.uv is not None)
-    textures = pack([m.texture if wanted[i] and not m.casts_solid else None for i, m in enumerate(materials)])
+    textures = pack([None if scene.uv is None or m.casts_solid else m.texture for m in materials])
     return Transmission(
         kind,
         scene.material_id,
         np.array([m.alpha_mode == "MASK" and m.transmission == 0.0 for m in materials]),
         even,
-        np.array([m.base_color for m in materials], np.float64),
+        base,
         np.array([m.transmission for m in materials], np.float64),
         np.array([m.alpha_cutoff for m in materials], np.float64),
         np.array([("OPAQUE", "MASK", "BLEND").index(m.alpha_mode) for m in materials], np.int8),
@@ -126,18 +131,22 @@ def _table(scene: Scene) -> Transmission | None:
     )
 
 
-def _alone(material: Material) -> tuple[int, NDArray[np.float64]]:
+def _range(material: Material) -> NDArray[np.float64]:
+    """`(2, 4)`: the least and the most of colour and alpha, vertex colours aside, where they may matter."""
+    color = np.array(material.base_color, np.float64)
+    if material.texture is None or material.casts_solid:
+        return np.stack([color, color])
+    pixels = material.texture.reshape(-1, 4)
+    ends = np.stack([pixels.min(axis=0), pixels.max(axis=0)])
+    found: NDArray[np.float64] = color * np.column_stack([SRGB_TO_LINEAR[ends[:, :3]], ends[:, 3] / 255.0])
+    return found
+
+
+def _alone(material: Material, low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[int, NDArray[np.float64]]:
     """The kind of a material's triangles, vertex colours aside, and what passes if that is the same everywhere."""
     nothing = np.zeros(3)
     if material.casts_solid:
         return SOLID, nothing
-    color = np.array(material.base_color, np.float64)
-    low = high = color
-    if material.texture is not None:
-        texels = material.texture.reshape(-1, 4)
-        least, most = texels.min(axis=0), texels.max(axis=0)
-        low = color * np.append(SRGB_TO_LINEAR[least[:3]], least[3] / 255.0)
-        high = color * np.append(SRGB_TO_LINEAR[most[:3]], most[3] / 255.0)
     a_low, a_high = {
         "OPAQUE": (1.0, 1.0),
         "MASK": (float(low[3] >= material.alpha_cutoff), float(high[3] >= material.alpha_cutoff)),

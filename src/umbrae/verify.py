@@ -12,6 +12,7 @@ from umbrae.errors import InputError
 from umbrae.geometry.volume_faces import face_distance, facing_of_all
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
+from umbrae.methods.method import LIGHT_SAMPLES
 from umbrae.methods.oracle import Oracle, OracleCaster
 from umbrae.samples import ViewSamples, surface_points
 from umbrae.scene import Scene
@@ -42,14 +43,15 @@ class Verdict:
         `(n,)` float32 world units: how far each of them lies at least from where a mistake could be forgiven. For a
         `BANDED` mask that is the nearest face of any shadow volume, the cap of the own triangle left out: counts go
         wrong there also where the verdict does not change. It is what the band is compared with; the largest float32
-        in a scene without a face. For any other mask it is the nearest change of verdict.
+        in a scene without a face. For any other mask it is the nearest change of verdict; under a light with a size,
+        of any of its light samples.
     classes
         How many mismatches are of which kind, for a `BANDED` mask; empty for any other. "facing away": the own
         triangle is edge-on to the light, within a thousandth of a radian, or it shades the sample itself while the
         mask says lit. "boundary": all others.
     worst_transmittance
-        The most by which the share of light is off in any channel, over all samples compared; 0 where all casters are
-        solid.
+        The most by which the share of light is off in any channel, over all samples compared; 0 where each of them is
+        lit or dark.
     """
 
     checked: int
@@ -83,7 +85,8 @@ class Truth:
     in_shadow
         `(n,) bool` the oracle's verdicts.
     transmittance
-        `(n, 3) float32` the share of light that arrives per colour channel; None where all casters are solid.
+        `(n, 3) float32` the share of light that arrives per colour channel; None where all casters are solid and the
+        light has no size.
     lowest, highest
         `(n, 3) float32` between what it lies, as far as float64 can tell (`methods.oracle.Decided`); all that lies
         between is right. None as above.
@@ -108,6 +111,7 @@ class Truth:
         count: int | None = None,
         seed: int = 0,
         clock: Clock | None = None,
+        light_samples: int = LIGHT_SAMPLES,
     ) -> "Truth":
         """Ask the oracle; parameters and errors are those of `verify`."""
         for value, kind, name in ((scene, Scene, "scene"), (light, Light, "light"), (samples, ViewSamples, "samples")):
@@ -120,20 +124,22 @@ class Truth:
         chosen = np.flatnonzero(samples.covered.reshape(-1))
         if count is not None and count < len(chosen):
             chosen = np.sort(np.random.default_rng(seed).choice(chosen, count, replace=False))
-        caster = Oracle().prepare(scene)
-        mask, lowest, highest = caster.decide(light, samples.take(chosen), clock)
+        caster = Oracle(light_samples=light_samples).prepare(scene)
+        mask, lowest, highest = caster.decide_at(light, samples, chosen, clock)
         return cls(scene, light, samples, chosen, mask.in_shadow, caster, mask.partial, lowest, highest)
 
     def judge(self, mask: ShadowMask) -> Verdict:
         """Compare a mask of these samples with the truth."""
         band = _checked_band(mask, self.samples)
+        if band is not None and self.light.is_area:
+            raise InputError("verify: wanted a light without a size for a BANDED mask")
         differs, worst = self._compare(mask)
         differ = np.flatnonzero(differs)
         wrong = self.chosen[differ]
-        mistaken = self.samples.take(wrong)
         if band is None:
-            margin = self.caster.margin(self.light, mistaken, self.in_shadow[differ])
+            margin = self.caster.margin_at(self.light, self.samples, wrong, self.in_shadow[differ])
             return Verdict(len(self.chosen), len(wrong), len(wrong), 0, wrong, margin, {}, worst)
+        mistaken = self.samples.take(wrong)
         margin = _distance_to_faces(self.scene, self.light, mistaken, mask.inner_faces)
         inside = int((margin <= band.reshape(-1)[wrong]).sum())
         classes = _classes(self.scene, self.light, mistaken)
@@ -164,6 +170,7 @@ def verify(
     count: int | None = None,
     seed: int = 0,
     clock: Clock | None = None,
+    light_samples: int = LIGHT_SAMPLES,
 ) -> Verdict:
     """Compare a mask with the oracle.
 
@@ -173,6 +180,8 @@ def verify(
         How many covered samples to draw at random (without repetition); all of them when None or too large.
     seed
         Of the draw.
+    light_samples
+        How many points of a light with a size the mask was made with; the same ones are asked about.
 
     Raises
     ------
@@ -183,7 +192,7 @@ def verify(
     # Before the work, not after it.
     instance(samples, ViewSamples, "verify: samples")
     _checked_band(mask, samples)
-    return Truth.find(scene, light, samples, count, seed, clock).judge(mask)
+    return Truth.find(scene, light, samples, count, seed, clock, light_samples).judge(mask)
 
 
 def _checked_band(mask: ShadowMask, samples: ViewSamples) -> NDArray[np.float32] | None:

@@ -23,12 +23,14 @@ def compile_kernels(
     transparent: bool = False,
     stochastic: int | None = None,
     area: bool = False,
+    smooth_outlines: int = 1,
 ) -> None:
     """Compile what a rendering with these methods needs, or load it from the cache; raises what hinders one of them.
 
-    `transparent` for a scene that lets light through, `stochastic` as for `render`, `area` for a light with a size.
+    `transparent` for a scene that lets light through, `stochastic` as for `render`, `area` for a light with a size,
+    `smooth_outlines` as for `render`.
     """
-    for hindrance in try_out(methods, samples_per_pixel, clock, transparent, stochastic, area):
+    for hindrance in try_out(methods, samples_per_pixel, clock, transparent, stochastic, area, smooth_outlines):
         if hindrance is not None:
             raise hindrance
 
@@ -40,6 +42,7 @@ def try_out(
     transparent: bool = False,
     stochastic: int | None = None,
     area: bool = False,
+    smooth_outlines: int = 1,
 ) -> list[Exception | None]:
     """Let each method render next to nothing, which compiles it; returns for each what hinders it, None if nothing.
 
@@ -49,7 +52,10 @@ def try_out(
         pool = ThreadPoolExecutor(1)
         try:
             work = pool.submit(
-                lambda: [_hindrance(method, samples_per_pixel, transparent, stochastic, area) for method in methods]
+                lambda: [
+                    _hindrance(method, samples_per_pixel, transparent, stochastic, area, smooth_outlines)
+                    for method in methods
+                ]
             )
             if not wait([work], timeout=3.0).done and isinstance(clock, ConsoleClock):
                 note(
@@ -63,21 +69,22 @@ def try_out(
 
 
 def _hindrance(
-    method: Method, samples_per_pixel: int, transparent: bool, stochastic: int | None, area: bool
+    method: Method, samples_per_pixel: int, transparent: bool, stochastic: int | None, area: bool, smooth_outlines: int
 ) -> Exception | None:
-    """Everything once on next to nothing: smooth normals, a texture, a mask or glass."""
+    """Everything once on next to nothing: smooth normals, a texture, a solid triangle and a mask or glass."""
     corners = [(-1, 0, 1), (1, 0, 1), (0, 0, -1), (-1, 1, 1), (1, 1, 1), (0, 1, -1)]
     texture = np.full((2, 2, 4), 255, np.uint8)
     leaf = Material(alpha_mode="MASK", texture=texture)
     if transparent and "transparency" in method.accepts:
         texture[0, 0] = 128
         leaf = Material(alpha_mode="BLEND", texture=texture, transmission=0.5)
-    up, flat = [(0, 1, 0)] * 6, [(0, 0)] * 6
-    tiny = Scene(corners, [(0, 1, 2), (3, 4, 5)], [leaf], normals=up, uv=flat)
+    # The second triangle stands for a surface that turns away from the sun.
+    normals, flat = [(0, 1, 0)] * 5 + [(-1, 1, -0.3)], [(0, 0)] * 6
+    tiny = Scene(corners, [(0, 1, 2), (3, 4, 5)], [Material(), leaf], [0, 1], normals=normals, uv=flat)
     camera = Camera.frame(tiny, width=16, height=16)
     try:
-        sun = Light.sun(120, 60, angular_diameter=0.5 if area else 0.0)
-        render(tiny, camera, [sun], method, samples_per_pixel, stochastic=stochastic)
+        sun = Light.sun(120, 20, angular_diameter=0.5 if area else 0.0)
+        render(tiny, camera, [sun], method, samples_per_pixel, stochastic=stochastic, smooth_outlines=smooth_outlines)
     except Exception as error:
         return error
     return None

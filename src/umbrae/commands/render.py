@@ -11,10 +11,11 @@ from umbrae import arguments, files, outputs
 from umbrae.arguments import Size
 from umbrae.clock import Clock
 from umbrae.commands.figure import Show, check, figure, kind_of, picture_height
-from umbrae.commands.model import load, note_if_nothing_is_seen
+from umbrae.commands.model import load, note_if_nothing_is_seen, note_if_nothing_is_smooth
 from umbrae.console import ConsoleClock, note, print_json
 from umbrae.errors import OptionError
 from umbrae.methods import make_method
+from umbrae.methods.smooth.silhouette import SmoothMethod
 from umbrae.options import (
     DEFAULT_SIZE,
     DEFAULT_UP,
@@ -35,6 +36,7 @@ from umbrae.options import (
     Quiet,
     Silhouette,
     SizeOption,
+    SmoothNormals,
     SunDiameter,
     Suns,
     Target,
@@ -105,6 +107,10 @@ def render(
         float | None,
         typer.Option(metavar="PIXELS", help="Of the footprint of --antialiasing derivative; 1, more blurs."),
     ] = None,
+    smooth_outlines: Annotated[
+        int, typer.Option(min=1, metavar="LEVEL", help="Cut curved sides into so many pieces, for what is seen alone.")
+    ] = 1,
+    smooth_normals: SmoothNormals = None,
     opaque: Opaque = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -121,10 +127,11 @@ def render(
         raise OptionError("--filter-width is that of --antialiasing derivative, which is not there")
     if filter_width is not None and not 0.0 < filter_width < math.inf:
         raise OptionError(f"--filter-width: wanted a number of pixels > 0, got {filter_width}")
-    if light_samples is not None and not sized:
-        raise OptionError("--light-samples: wanted a light with a size (--light-radius, --sun-diameter)")
+    arguments.check_light_samples(light_samples, light_radius, sun_diameter)
     if layers is not None and stochastic:
         raise OptionError("--layers: --stochastic sees through all surfaces, with no layers")
+    if layers is not None and smooth_outlines > 1:
+        raise OptionError("--layers: --smooth-outlines sees solid surfaces only")
     chances = _chances(stochastic, seed, samples_per_pixel, show)
     if chances is not None and "transparency" in algorithm.options():
         algorithm = make_method(algorithm, transparency="stochastic", seed=chances)
@@ -134,6 +141,8 @@ def render(
             raise OptionError(f"--show {show} draws a figure, which has no --antialiasing")
         if sized:
             raise OptionError(f"--show {show}: wanted a light without --light-radius and --sun-diameter")
+        if smooth_outlines > 1:
+            raise OptionError(f"--show {show} draws a figure, which has no --smooth-outlines")
         check(show, algorithm, len(light) + len(sun), samples_per_pixel, (mask, npz))
         view = Size(size.width, picture_height(show, *size))
     picture = output or Path(f"{model.stem}.png")
@@ -141,11 +150,13 @@ def render(
     outputs.check(model, [picture, *mask_paths], npz)
     written = [picture, *mask_paths, *([npz] if npz else [])]
 
-    scene = load(model, clock, written, opaque)
+    scene = load(model, clock, written, opaque, smooth_normals)
+    note_if_nothing_is_smooth(scene, isinstance(algorithm, SmoothMethod) or smooth_outlines > 1)
     camera = arguments.camera(scene, view, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up, light_radius, sun_diameter)
     soft = any(one.is_area for one in lights)
-    compile_kernels([algorithm], samples_per_pixel, clock, transmission_of(scene) is not None, chances, soft)
+    sheer = transmission_of(scene) is not None
+    compile_kernels([algorithm], samples_per_pixel, clock, sheer, chances, soft, smooth_outlines)
     if show is not None:
         image = figure(show, scene, camera, lights[0], algorithm, samples_per_pixel, up, clock)
     else:
@@ -161,6 +172,7 @@ def render(
             chances,
             antialiasing,
             filter_width or 1.0,
+            smooth_outlines,
         )
     samples = image.samples
     assert samples is not None
@@ -188,7 +200,9 @@ def render(
         layers=len(image.layers),
         stochastic=chances,
         antialiasing=antialiasing,
+        smooth_outlines=smooth_outlines,
         opaque=opaque,
+        smooth_normals=smooth_normals,
         method=algorithm.name,
         options=algorithm.options(),
         guarantee=image.masks[0].guarantee,

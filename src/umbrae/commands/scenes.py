@@ -11,7 +11,7 @@ from umbrae import arguments, files, models
 from umbrae.arguments import Size
 from umbrae.clock import Clock
 from umbrae.console import ConsoleClock
-from umbrae.options import DEFAULT_GRID, Output, Quiet
+from umbrae.options import DEFAULT_GRID, DEFAULT_LOTS, Output, Quiet
 
 app = typer.Typer(rich_markup_mode=None)
 """The commands below `umbrae scene`."""
@@ -26,6 +26,18 @@ def spheres(
 ) -> None:
     """Spheres over a ground plane, after Milet et al."""
     _write(output, lambda: models.spheres((grid.width, grid.height), triangles), quiet)
+
+
+@app.command()
+def town(
+    output: Output = Path("town.glb"),
+    grid: Annotated[Size, typer.Option(parser=arguments.size, metavar="AxB", help="Number of lots.")] = DEFAULT_LOTS,
+    triangles: Annotated[int, typer.Option(metavar="N", help="In all, about.")] = 200_000,
+    tree: Annotated[int, typer.Option(metavar="N", help="Of these, in a tree in a street; none.")] = 0,
+    quiet: Quiet = False,
+) -> None:
+    """A town of houses with balconies along straight streets, each an object of its own."""
+    _write(output, lambda: models.town((grid.width, grid.height), triangles, tree), quiet)
 
 
 @app.command()

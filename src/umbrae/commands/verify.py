@@ -23,11 +23,14 @@ from umbrae.options import (
     Eye,
     Fov,
     Json,
+    LightRadius,
+    LightSamples,
     Model,
     Opaque,
     Points,
     Quiet,
     SizeOption,
+    SunDiameter,
     Suns,
     Target,
     Up,
@@ -44,7 +47,7 @@ EVERY, JUDGE = "all", "oracle"
 class Outcome:
     """What became of a method under one light: a verdict on its mask, or the reason why there is none.
 
-    `shares` says whether casters let light through, so that masks hold shares of it.
+    `shares` says whether a part of the light may arrive, so that masks hold shares of it.
     """
 
     method: Method
@@ -85,6 +88,9 @@ def verify(
     fov: Fov = 50.0,
     light: Points = [],  # noqa: B006
     sun: Suns = [],  # noqa: B006
+    light_radius: LightRadius = 0.0,
+    sun_diameter: SunDiameter = 0.0,
+    light_samples: LightSamples = None,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of the random choice of samples.")] = 0,
     opaque: Opaque = False,
     as_json: Json = False,
@@ -93,11 +99,16 @@ def verify(
     """Compare random samples of a picture with the oracle; exit status 1 if a method breaks its guarantee."""
     clock = Clock() if as_json or quiet else ConsoleClock()
     every = method == EVERY
-    algorithms = _algorithms(method, given(counting=counting, determinism=determinism, counter=counter))
+    algorithms = _algorithms(
+        method, given(counting=counting, determinism=determinism, counter=counter, light_samples=light_samples)
+    )
+    judge = make_method(JUDGE, **given(light_samples=light_samples))
+    arguments.check_light_samples(light_samples, light_radius, sun_diameter)
     scene = load(model, clock, opaque=opaque)
     camera = arguments.camera(scene, size, eye, target, up, fov)
-    lights = arguments.lights(scene, camera, light, sun, up)
-    hindrances = try_out([*algorithms, make_method(JUDGE)], 1, clock, transmission_of(scene) is not None)
+    lights = arguments.lights(scene, camera, light, sun, up, light_radius, sun_diameter)
+    soft = any(one.is_area for one in lights)
+    hindrances = try_out([*algorithms, judge], 1, clock, transmission_of(scene) is not None, area=soft)
     for hindrance in hindrances:
         if hindrance is not None and not (every and isinstance(hindrance, UmbraeError)):
             raise hindrance
@@ -107,7 +118,7 @@ def verify(
     judged: list[list[Outcome]] = []
     for one in lights:
         with clock.span(JUDGE):
-            truth = Truth.find(scene, one, samples, count, seed, clock)
+            truth = Truth.find(scene, one, samples, count, seed, clock, judge.light_samples)
         judged.append(
             [
                 _outcome(algorithm, truth, hindrance, every, clock)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from umbrae.errors import InputError, ModelError
 from umbrae.formats.part import Part, joined
 from umbrae.formats.resources import Folder, encoded, linear
-from umbrae.material import AlphaMode, Material
+from umbrae.material import AlphaMode, Material, texels
 from umbrae.scene import Scene
 
 
@@ -199,7 +199,7 @@ def _material(material: Any, textures: dict[int, NDArray[np.uint8]]) -> Material
     picture = material.baseColorTexture if pbr else getattr(material, "image", None)
     color = material.baseColorFactor if pbr else material.main_color
     if picture is not None and id(picture) not in textures:
-        textures[id(picture)] = np.asarray(picture.convert("RGBA"))
+        textures[id(picture)] = texels(picture, "Scene.from_trimesh: the mesh's texture")
     red, green, blue, alpha = (1, 1, 1, 1) if color is None else (np.asarray(color) / 255).tolist()
     mode: AlphaMode = (material.alphaMode if pbr else None) or ("BLEND" if not pbr and alpha < 1 else "OPAQUE")
     cutoff = material.alphaCutoff if pbr else None

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
-from umbrae.errors import ModelError, OutputError
+from umbrae.errors import InputError, ModelError, OutputError
+from umbrae.material import texels
 
 
 class Folder:
@@ -76,11 +77,11 @@ def decode_texture(data: bytes, name: str) -> NDArray[np.uint8]:
             warnings.simplefilter("ignore")
             warnings.simplefilter("error", PillowImage.DecompressionBombWarning)
             with PillowImage.open(io.BytesIO(data)) as picture:
-                if picture.mode.startswith("I;16"):
-                    return _grey((np.asarray(picture) >> 8).astype(np.uint8))
-                return np.asarray(picture.convert("RGBA"))
+                return texels(picture, f"texture {name}")
     except (PillowImage.DecompressionBombWarning, PillowImage.DecompressionBombError) as error:
         raise ModelError(f"texture {name} is too large to be decoded safely") from error
+    except InputError as error:
+        raise ModelError(str(error)) from error
     except Exception as error:
         raise ModelError(f"texture {name} cannot be read as a picture") from error
 
@@ -99,10 +100,6 @@ def decode_text(data: bytes) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("latin-1")
-
-
-def _grey(values: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    return np.dstack([values, values, values, np.full_like(values, 255)])
 
 
 def _short(reference: str) -> str:

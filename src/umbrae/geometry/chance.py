@@ -28,9 +28,15 @@ _STRIDES = np.array(
 """Primes, none of which divides a number of samples per pixel: a pixel's samples in so many different orders."""
 
 
-def key_of(seed: int, purpose: int) -> np.uint64:
-    """The 64 bits that `chance` takes, of a seed of 63 bits, for `VIEW` or `LIGHT`."""
-    return np.uint64(_mixed(np.uint64(int(seed) | purpose << 63)))
+def key_of(seed: int, purpose: int, light: NDArray[np.float32] | None = None) -> np.uint64:
+    """The 64 bits that `chance` takes, of a seed of 63 bits, for `VIEW` or `LIGHT`.
+
+    Each `light (4,)` has chances of its own: of several, and of the points of one with a size, noise averages out.
+    """
+    key = np.uint64(_mixed(np.uint64(int(seed) | purpose << 63)))
+    for word in () if light is None else light.view(np.uint32):
+        key = np.uint64(_mixed(key ^ np.uint64(word)))
+    return key
 
 
 @inline

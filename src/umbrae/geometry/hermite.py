@@ -10,6 +10,9 @@ Rows = NDArray[np.float64]
 MOST_PIECES = 64
 """Of one curve: even where an edge turns by a right angle, 64 chords look smooth."""
 
+BLEND = 0.5
+"""How far Phong's curves go from their chords: this puts the middle of a circle's arc on it, up to a fourth order."""
+
 
 class Curves(NamedTuple):
     """Cubic curves, one per row: their ends `p0, p1 (k, 3) float64`, and the derivatives there, `t0, t1 (k, 3)`."""
@@ -87,6 +90,17 @@ def curved(p0: Rows, p1: Rows, first: Rows, last: Rows) -> Curves:
     longer = np.divide(half, np.sin(half), out=np.ones_like(half), where=half > 1e-6)
     length = (np.linalg.norm(p1 - p0, axis=1) * longer)[:, None]
     return Curves(p0, p1, first * length, last * length)
+
+
+def phong(p0: Rows, p1: Rows, first: Rows, last: Rows) -> Curves:
+    """Quadratic curves of Phong tessellation between points with these unit directions (Boubekeur and Alexa 2008).
+
+    Each end projects the chord onto its direction; `BLEND` of that and the rest of the chord itself. The paper's
+    examples blend 3/4. Neighbours agree on where a curve ends, but not on its direction there.
+    """
+    chord = p1 - p0
+    lift = BLEND * (dots(chord, first)[:, None] * first - dots(chord, last)[:, None] * last)
+    return Curves(p0, p1, chord + lift, chord - lift)
 
 
 def straight(p0: Rows, p1: Rows) -> Curves:

@@ -276,7 +276,7 @@ EXACT = 2
 
 @inline
 def shadows(positions, triangles, t, facing_t, light, own, u, v, side, point, closed):
-    """Whether triangle t (with nonzero `facing_t`) shadows the sample; the sample's own triangle must not be asked.
+    """Whether triangle t (with nonzero `facing_t`) shadows the sample; its own triangle asks `shadows_own`.
 
     Parameters
     ----------
@@ -325,6 +325,20 @@ def shadows(positions, triangles, t, facing_t, light, own, u, v, side, point, cl
         if s * exact_sign(positions, triangles, own, u, v, side, point, a, normal) <= 0:
             return EXACT
     return EXACT | SHADOWED
+
+
+@inline
+def shadows_own(positions, triangles, own, facing_own, light, u, v, side, point, closed):
+    """Whether a sample's own triangle shadows it; parameters are those of `shadows`.
+
+    It does where it is turned away from the light, but for a sample on an edge when it is not `closed`: there, as
+    anywhere, only one of two neighbours counts, and that may be the other one.
+    """
+    if side * facing_own >= 0:
+        return False
+    if closed or (u > 0.0 and v > 0.0 and u + v < 1.0):
+        return True
+    return shadows(positions, triangles, own, facing_own, light, own, u, v, side, point, closed) & SHADOWED != 0
 
 
 @expand

@@ -35,6 +35,9 @@ Rows = NDArray[np.float64]
 Tolerance = Callable[[Curves], Rows]
 """How far chords may lie from each curve, `(k,)` in world units."""
 
+Bend = Callable[[Rows, Rows, Rows, Rows], Curves]
+"""Curves between points with unit directions at their ends, such as `hermite.curved`."""
+
 
 class Boundary(NamedTuple):
     """Parts of the surface's boundary before it is bent.
@@ -124,20 +127,24 @@ class Bands(NamedTuple):
     part: NDArray[np.intp]
 
 
-def smooth_surface(mesh: SmoothMesh, light: NDArray[np.float32], tolerance: Tolerance | None) -> SmoothSurface:
+def smooth_surface(
+    mesh: SmoothMesh, light: NDArray[np.float32], tolerance: Tolerance | None, bend: Bend = curved
+) -> SmoothSurface:
     """The surface of a soup under a homogeneous light `(4,)`.
 
     Parameters
     ----------
     tolerance
         How far chords may lie from the curves; None to bend nothing: the contour is the accurate silhouette.
+    bend
+        What makes the curves.
     """
     source = light.astype(np.float64)
     faces = Facing(vertex_values(mesh, source), facing_of_all(mesh.positions, mesh.triangles, light))
     multiplicity = edge_multiplicities(mesh, faces)
     breaks = breakpoints(mesh, faces, multiplicity)
     pieces = cut(mesh, faces, breaks)
-    on_edges, bounds = boundary(mesh, multiplicity, breaks, pieces, source, tolerance is not None)
+    on_edges, bounds = boundary(mesh, multiplicity, breaks, pieces, source, None if tolerance is None else bend)
     chords = np.ones(len(bounds.times), np.int64)
     if tolerance is not None:
         chords = bounds.curves.chords(tolerance(bounds.curves))
@@ -162,16 +169,21 @@ def whole_triangles(mesh: SmoothMesh, faces: Facing, pieces: Cut) -> NDArray[np.
 
 
 def boundary(
-    mesh: SmoothMesh, multiplicity: NDArray[np.int32], breaks: Breakpoints, pieces: Cut, light: Rows, bulge: bool
+    mesh: SmoothMesh,
+    multiplicity: NDArray[np.int32],
+    breaks: Breakpoints,
+    pieces: Cut,
+    light: Rows,
+    bend: Bend | None,
 ) -> tuple[Rows, Boundary]:
-    """Breakpoints `(n, 3)`, with `bulge` followed by where they are moved to, and the parts of the boundary."""
-    vertices, shift = len(mesh.positions), len(breaks.u) if bulge else 0
+    """Breakpoints `(n, 3)`, with `bend` followed by where they are moved to, and the parts of the boundary."""
+    vertices, shift = len(mesh.positions), len(breaks.u) if bend else 0
     whole = np.flatnonzero((multiplicity != 0) & (multiplicity != BROKEN)).astype(np.int32)
     edges = np.concatenate([whole, breaks.edge])
     first = mesh.topology.offsets[edges]
     ends = np.stack([mesh.low[first], mesh.high[first]], axis=1)
     flat = straight(*mesh.positions.astype(np.float64)[ends.T])
-    curves = curved(flat.p0, flat.p1, *edge_directions(mesh, edges)) if bulge else flat
+    curves = bend(flat.p0, flat.p1, *edge_directions(mesh, edges)) if bend else flat
     of = len(whole) + np.repeat(np.arange(len(breaks.edge)), np.diff(breaks.start))
     on_soup, moved = flat.take(of).at(breaks.u), curves.take(of).at(breaks.u)
     outer = outlines(mesh, pieces, light)
@@ -190,7 +202,7 @@ def boundary(
         np.concatenate([multiplicity[whole], breaks.multiplicity])[used],
         mesh.topology.vertices[edges[edge]][:, [0, 1, 1]],
     )
-    across = _through_triangles(mesh, breaks, pieces, moved, outer, shift)
+    across = _through_triangles(mesh, breaks, pieces, moved, outer, bend)
     both = Boundary(
         np.concatenate([along.base, across.base]),
         np.concatenate([along.ends, across.ends]),
@@ -198,7 +210,7 @@ def boundary(
         np.concatenate([along.times, across.times]),
         np.concatenate([along.corners, across.corners]),
     )
-    return (np.concatenate([on_soup, moved]) if bulge else on_soup), both
+    return (np.concatenate([on_soup, moved]) if bend else on_soup), both
 
 
 def _parts(
@@ -238,23 +250,23 @@ def outlines(mesh: SmoothMesh, pieces: Cut, light: Rows) -> NDArray[np.bool_]:
 
 
 def _through_triangles(
-    mesh: SmoothMesh, breaks: Breakpoints, pieces: Cut, moved: Rows, outer: NDArray[np.bool_], shift: int
+    mesh: SmoothMesh, breaks: Breakpoints, pieces: Cut, moved: Rows, outer: NDArray[np.bool_], bend: Bend | None
 ) -> Boundary:
     """The silhouette's segments from edge to edge, perpendicular to the interpolated normals; `moved (n, 3)` ends."""
     point = pieces.segments[:, [0, 3]]
     p0, p1 = moved[point.T]
     curves = straight(p0, p1)
-    if shift:
+    if bend:
         directions = []
         for end in range(2):
             share = breaks.u[point[:, end]][:, None]
             low, high = (mesh.normals[pieces.segments[:, 3 * end + corner]] for corner in (1, 2))
             direction = along_surface(p1 - p0, units(low * (1.0 - share) + high * share))
             directions.append(np.where(outer[:, None], direction, units(p1 - p0)))
-        curves = curved(p0, p1, *directions)
+        curves = bend(p0, p1, *directions)
     base = (len(mesh.positions) + point).astype(np.int32)
     corners = mesh.welded[mesh.triangles[pieces.crossed]]
-    return Boundary(base, base + np.int32(shift), curves, pieces.times, corners)
+    return Boundary(base, base + np.int32(len(moved) if bend else 0), curves, pieces.times, corners)
 
 
 def bands(surface: SmoothSurface) -> Bands:

@@ -21,12 +21,14 @@ Inside the loops no array is sliced, and none taken out of a tuple: counting ref
 
 import numpy as np
 
-from umbrae.geometry.predicates import EXACT, SHADOWED, facing, shadows, surface_point
+from umbrae.geometry.predicates import EXACT, SHADOWED, facing, shadows, shadows_own, surface_point
 from umbrae.geometry.vectors import cross, dot, row, subtract
 from umbrae.methods.area_samples import fill_lights
 from umbrae.methods.area_setup import STRADDLES
+from umbrae.methods.area_transmission import dim_one, dim_pairs, is_closed, row_of
 from umbrae.methods.lanes import ALL, LANES, lesser, load, lowest, splat
 from umbrae.methods.sample_clusters import DARK, OWN, SAMPLE
+from umbrae.methods.transmission_buffer import own_shares
 from umbrae.parallel import expand, inline
 
 MOST = 64
@@ -168,15 +170,41 @@ def own_dark(lane, own, positions, triangles, side, disc, lights, offsets, bits,
 
 
 @inline
-def darken_lanes(
-    maybe, slot, t, side_of_light, lx, ly, lz, w, reach, count, positions, triangles, barycentric, side, position,
-    leaf_ids, place, scaled, lights, offsets, bits, point, light, stats,
+def own_dim(
+    lane, own, index, own_side, positions, triangles, barycentric, side, disc, dimming, row, lights, offsets, dark,
+    point, light,
 ):  # fmt: skip
-    """Set the bits of those view samples in `maybe` whose light samples triangle t hides.
+    """Dim light samples on the other side of a view sample's own triangle; returns its bits with those that go dark."""
+    hit = ~dark
+    if own_side == 0:
+        hit &= own_dark(lane, own, positions, triangles, side, disc, lights, offsets, np.int64(0), light)
+    red, green, blue = own_shares(triangles, barycentric, dimming.table, index, own)
+    u, v, closed = np.float64(barycentric[index, 0]), np.float64(barycentric[index, 1]), is_closed(dimming, own)
+    light[3] = disc.source[3]
+    for number in range(len(disc.pattern)):
+        if hit >> number & 1 == 0:
+            continue
+        for axis in range(3):
+            light[axis] = lights[3 * lane + axis, number]
+        # `hit` says already that this light sample is on the other side.
+        if not shadows_own(positions, triangles, own, -side, light, u, v, side, point, closed):
+            continue
+        if dim_one(dimming, row, index, number, own, red, green, blue):
+            dark |= np.int64(1) << number
+    return dark
+
+
+@inline
+def shade_lanes(
+    maybe, slot, t, side_of_light, lx, ly, lz, w, reach, count, positions, triangles, barycentric, side, position,
+    leaf_ids, place, scaled, lights, offsets, bits, dimming, leaf, point, light, stats,
+):  # fmt: skip
+    """Set the bits of those view samples in `maybe` whose light samples triangle t hides, or dim these light samples.
 
     `side_of_light` is that of t's plane which the light is on, or `STRADDLES`. Bits that are set already are not asked
-    again.
+    again. `dimming` is None for solid triangles, for others an `AreaDimming`, and `leaf` the number of the leaf in it.
     """
+    closed = True if dimming is None else is_closed(dimming, t)
     i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
     straddles = side_of_light == STRADDLES
     known_side = 0.0 if straddles else np.float64(side_of_light)
@@ -211,33 +239,40 @@ def darken_lanes(
                 before, behind = value > limit, value < -limit
                 outside |= behind if beyond > 0 else before
                 inside &= before if beyond > 0 else behind
-            dark |= np.int64(inside & todo) << at
-            unsure = todo & ~inside & ~outside
+            hit, unsure = inside & todo, todo & ~inside & ~outside
             while unsure:
-                number = at + np.int64(lowest(unsure))
+                bit = lowest(unsure)
                 unsure &= unsure - np.int32(1)
+                number = at + np.int64(bit)
                 for axis in range(3):
                     light[axis], point[axis] = lights[start + axis, number], position[index, axis]
                 light[3] = w
                 if _settle(
                     positions, triangles, t, light, np.int64(leaf_ids[slot, OWN + lane]), barycentric[index, 0],
-                    barycentric[index, 1], side[index], point, stats,
+                    barycentric[index, 1], side[index], point, closed, stats,
                 ):  # fmt: skip
-                    dark |= np.int64(1) << number
+                    hit |= np.int32(1) << bit
+            if dimming is not None:
+                light[3] = w
+                hit = dim_pairs(
+                    dimming, hit, at, row_of(leaf, lane), lane, index, t, positions, triangles, lights, place, light,
+                    point,
+                )  # fmt: skip
+            dark |= np.int64(hit) << at
         bits[index] = dark
         if dark == -1:
             leaf_ids[slot, OWN + lane] = DARK
 
 
 @inline
-def _settle(positions, triangles, t, light, own, u, v, side, point, stats):
-    """Whether triangle t hides one light sample, by the predicate."""
+def _settle(positions, triangles, t, light, own, u, v, side, point, closed, stats):
+    """Whether triangle t stands before one light sample, by the predicate."""
     stats[FALLBACKS] += 1
     towards = facing(positions, triangles, t, light)
     if towards == 0:
         return 0
     answer = shadows(
-        positions, triangles, t, towards, light, own, np.float64(u), np.float64(v), np.int64(side), point, True
+        positions, triangles, t, towards, light, own, np.float64(u), np.float64(v), np.int64(side), point, closed
     )
     if answer & EXACT:
         stats[EXACT_TESTS] += 1

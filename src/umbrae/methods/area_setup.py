@@ -82,14 +82,15 @@ class ClusterTree(NamedTuple):
 
 
 def disc_sides(
-    scene: Scene, clusters: TriangleClusters, disc: LightDisc, clock: Clock | None
-) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
+    scene: Scene, clusters: TriangleClusters, disc: LightDisc, of_scene: NDArray[np.int8], clock: Clock | None
+) -> NDArray[np.int8]:
     """The side of each triangle's plane that all of the light is on.
 
-    `(t,)` in the scene, 0 where it is on both; `(c, 16)` clustered, `STRADDLES` there, and 0 where nothing is cast.
+    `(c, 16)`, `STRADDLES` where it is on both, and 0 where nothing is cast; and into `of_scene (t,)`, 0 where it is on
+    both.
     """
     corners, order = clusters.corners, clusters.order
-    of_clusters, of_scene = np.empty((len(corners), LANES), np.int8), np.empty(len(scene.triangles), np.int8)
+    of_clusters = np.empty((len(corners), LANES), np.int8)
 
     def task(chunk: int) -> None:
         start, stop = chunk * _CHUNK, min((chunk + 1) * _CHUNK, len(corners))
@@ -107,7 +108,7 @@ def disc_sides(
         )
 
     run(task, -(-len(corners) // _CHUNK), clock)
-    return of_scene, of_clusters
+    return of_clusters
 
 
 def cluster_tree(

@@ -7,12 +7,14 @@ task is one node of the sample tree, 256 leaves, and finds its triangles in a tr
 one thread alone, and what is known of a view sample and its light samples is worked out once for many triangles.
 
 A node of samples is left when it is dark. It is set dark as a whole by a triangle that hides all of the light from all
-of it; so is a single sample. All other pairs of sample and triangle are settled by `area_pairs`.
+of it; so is a single sample (see `area_leaves`). All other pairs of sample and triangle are settled by `area_pairs`.
+Triangles that let light through make a second pass, in which nothing is set as a whole (see `area_transmission`).
 """
 
 import numpy as np
 
-from umbrae.methods.area_pairs import MOST, darken, darken_lanes, own_dark, prepare
+from umbrae.methods.area_leaves import ACCEPTS, REJECTS, TILE_TESTS, darken_leaf, shade_leaf
+from umbrae.methods.area_pairs import MOST, darken, own_dark, own_dim, prepare
 from umbrae.methods.area_setup import (
     EDGED_PLANES,
     OPENING,
@@ -25,6 +27,7 @@ from umbrae.methods.area_setup import (
     meeting,
     put_openings,
 )
+from umbrae.methods.area_transmission import may_dim_itself, row_of
 from umbrae.methods.frustum_setup import (
     BOUND_PLANE,
     BOUND_Q,
@@ -36,41 +39,15 @@ from umbrae.methods.frustum_setup import (
     RECT_YMIN,
     put_planes,
 )
+from umbrae.methods.frustum_traversal import append_to
 from umbrae.methods.lanes import ALL, LANES, choose, count, equal, largest, load, lowest, smallest, splat
-from umbrae.methods.sample_clusters import (
-    DARK,
-    OWN,
-    QMAX,
-    QMIN,
-    SAMPLE,
-    SLACK_Q,
-    SLACK_X,
-    XMAX,
-    XMIN,
-    YMAX,
-    YMIN,
-    Q,
-    X,
-    Y,
-)
+from umbrae.methods.sample_clusters import DARK, OWN, QMAX, QMIN, SAMPLE, XMAX, XMIN, YMAX, YMIN
 from umbrae.parallel import expand, inline, kernel
 
 BATCH = 256
 """Clusters that go down together."""
 
 _DEEPEST = 12 * LANES
-
-COUNTERS = (
-    "pair_tests",
-    "fallbacks",
-    "predicate_fallbacks",
-    "tile_frustum_tests",
-    "sample_frustum_tests",
-    "accepts",
-    "rejects",
-)
-"""The first three are those of `area_pairs`."""
-(TILE_TESTS, SAMPLE_TESTS, ACCEPTS, REJECTS) = range(3, 7)
 
 
 @expand
@@ -129,19 +106,14 @@ def _hand_down(listed, masked, entries, outer, box, full, group, child_list, chi
             & (qmin <= outer[k, RECT_QMAX])
         )
         visited |= hit
-        while hit:
-            child = lowest(hit)
-            hit &= hit - np.int32(1)
-            place = child_count[child]
-            child_list[child, place], child_mask[child, place] = k, masked[entry]
-            child_count[child] = place + 1
+        append_to(hit, k, masked[entry], child_list, child_mask, child_count)
     return visited
 
 
 @inline
 def _keep(
     listed, masked, entries, box, group, child, regions, planes, bounded, ready, number_of, corners, sides, source,
-    frame, stats,
+    frame, dimming, stats,
 ):  # fmt: skip
     """Keep those of a child's list that may shade something in its box; -1 where one hides all of the light from it."""
     xmin, xmax = box[group, XMIN * LANES + child], box[group, XMAX * LANES + child]
@@ -162,7 +134,7 @@ def _keep(
             reject, accept = _against_box(planes, regions, k, xmin, xmax, ymin, ymax, qmin, qmax)
             reject &= bounded[k]
             stats[REJECTS] += count(mask & reject)
-            if mask & accept & bounded[k]:
+            if dimming is None and mask & accept & bounded[k]:
                 stats[ACCEPTS] += 1
                 return -1
             mask &= ~reject
@@ -173,60 +145,52 @@ def _keep(
     return kept
 
 
-@expand
-def _touched(planes, regions, k, lane, place, slot, slack_x, slack_q, reach_q):
-    """Masks of a leaf's samples that a triangle may shade, and of those from which it hides all of the light.
-
-    Beside `frustum_traversal._touched`, two more roundings of 2**-24, as |a x + b y + c| is at most 1 in the window;
-    the difference in q is rounded up by 2**-22 of its parts.
-    """
-    at = 9 * LANES + lane
-    x, y, q = load(place, slot, X), load(place, slot, Y), load(place, slot, Q)
-    sides = planes[k, BOUND_SIDES * LANES + lane] + slack_x + np.float32(2.0**-23)
-    plane = planes[k, BOUND_PLANE * LANES + lane] + slack_x
-    plane += planes[k, BOUND_Q * LANES + lane] * reach_q + abs(planes[k, at + 3 * LANES]) * slack_q
-    if np.isnan(plane):
-        plane = np.float32(np.inf)  # 0 times infinity: nothing is known
-    value = x * planes[k, at] + y * planes[k, at + LANES] + planes[k, at + 2 * LANES] + q * planes[k, at + 3 * LANES]
-    maybe, sure = value >= -plane, value > plane
-    top = regions[k, RECT_QMAX * LANES + lane]
-    ahead = splat(top + slack_q + np.float32(2.0**-22) * (abs(top) + reach_q)) - q
-    for edge in range(3):
-        at = 3 * edge * LANES + lane
-        wide = ahead * planes[k, OPENING + edge * LANES + lane]
-        value = x * planes[k, at] + y * planes[k, at + LANES] + planes[k, at + 2 * LANES]
-        maybe &= value + wide >= -sides
-        sure &= value - wide > sides
-    return maybe, sure
-
-
 @kernel
 def shade_node(
     positions, triangles, own_side, corners, order, sides, region, cluster_level, disc, frame,
-    barycentric, side, position, first, leaf_place, leaf_ids, leaf_box, box, full, level, slots, node, bits, stats,
+    barycentric, side, position, first, leaf_place, leaf_ids, leaf_box, box, full, level, slots, node, bits, dimming,
+    stats,
 ):  # fmt: skip
-    """Set the bits of all view samples below one node: a group of the tree's second level, up to 256 leaves."""
+    """Set the bits of all view samples below one node: a group of the tree's second level, up to 256 leaves.
+
+    `dimming` is None for solid triangles, for others an `AreaDimming`: they dim light samples, and set the bits of
+    those that end up dark. A sample's own triangle takes part; of solid ones only where the light is on both of its
+    sides, by `own_side (t,)`: where all of it is on the other side, the sample is not in the tree.
+    """
     source, reach = disc.source, disc.reach
+    first_leaf = node * LANES * LANES
     top = level[1] + node
     # What is known of the view samples of one leaf (see `area_pairs`).
     known, place, scaled = np.empty(LANES, np.bool_), np.zeros(4 * LANES), np.empty(14 * LANES, np.float32)
     lights, offsets = np.zeros((3 * LANES, MOST), np.float32), np.zeros((3 * LANES, MOST), np.float32)
     point, light = np.empty(3), np.empty(4)
-    for number in range(node * LANES * LANES, min((node + 1) * LANES * LANES, len(slots))):
+    for number in range(first_leaf, min(first_leaf + LANES * LANES, len(slots))):
         slot = np.int64(slots[number])
         known[:] = False
         for lane in range(LANES):
             own, index = np.int64(leaf_ids[slot, OWN + lane]), np.int64(leaf_ids[slot, SAMPLE + lane])
-            if own >= 0 and side[index] != 0 and own_side[own] == 0:
-                prepare(
-                    lane, own, index, positions, triangles, barycentric, position, first, disc, known, place, lights,
-                    offsets, point,
-                )  # fmt: skip
+            if own < 0 or side[index] == 0 or side[index] * own_side[own] > 0:
+                continue
+            if dimming is None:
+                if own_side[own] != 0:
+                    continue
+            elif not may_dim_itself(dimming, own):
+                continue
+            prepare(
+                lane, own, index, positions, triangles, barycentric, position, first, disc, known, place, lights,
+                offsets, point,
+            )  # fmt: skip
+            if dimming is None:
                 bits[index] = own_dark(
                     lane, own, positions, triangles, side[index], disc, lights, offsets, bits[index], light
                 )
-                if bits[index] == -1:
-                    darken(leaf_ids, slot, lane, bits)
+            else:
+                bits[index] = own_dim(
+                    lane, own, index, own_side[own], positions, triangles, barycentric, np.int64(side[index]), disc,
+                    dimming, row_of(number - first_leaf, lane), lights, offsets, bits[index], point, light,
+                )  # fmt: skip
+            if bits[index] == -1:
+                darken(leaf_ids, slot, lane, bits)
 
     xmin, xmax = smallest(load(box, top, XMIN * LANES)), largest(load(box, top, XMAX * LANES))
     ymin, ymax = smallest(load(box, top, YMIN * LANES)), largest(load(box, top, YMAX * LANES))
@@ -291,7 +255,7 @@ def shade_node(
             visited[level_of] &= visited[level_of] - np.int32(1)
             kept = _keep(
                 lists[level_of, child], masks[level_of, child], counts[level_of, child], box, group, child, regions,
-                planes, bounded, ready, number_of, corners, sides, source, frame, stats,
+                planes, bounded, ready, number_of, corners, sides, source, frame, dimming, stats,
             )  # fmt: skip
             if level_of == 1:
                 number, stop = (node * LANES + child) * LANES, min((node * LANES + child + 1) * LANES, len(slots))
@@ -303,88 +267,16 @@ def shade_node(
                 stop = number + 1
             if kept < 0:
                 for leaf in range(number, stop):
-                    _darken_leaf(leaf_ids, np.int64(slots[leaf]), bits)
+                    darken_leaf(leaf_ids, np.int64(slots[leaf]), bits)
                 full[group, child] = 1
             elif kept > 0:
                 slot = np.int64(slots[number])
-                _shade_leaf(
+                shade_leaf(
                     lists[2, child], masks[2, child], kept, slot, regions, planes, bounded, number_of,
                     positions, triangles, order, sides, disc, barycentric, side, position, first, leaf_place,
-                    leaf_ids, leaf_box, bits, known, place, scaled, lights, offsets, point, light, stats,
+                    leaf_ids, leaf_box, bits, dimming, number - first_leaf, known, place, scaled, lights,
+                    offsets, point, light, stats,
                 )  # fmt: skip
                 if equal(leaf_ids, slot, OWN, np.int32(DARK)) == ALL:
                     full[group, child] = 1
             kept = 0
-
-
-@inline
-def _darken_leaf(leaf_ids, slot, bits):
-    for lane in range(LANES):
-        if leaf_ids[slot, OWN + lane] != DARK:
-            darken(leaf_ids, slot, lane, bits)
-
-
-@inline
-def _shade_leaf(
-    listed, masked, entries, slot, regions, planes, bounded, number_of,
-    positions, triangles, order, sides, disc, barycentric, side, position, first, leaf_place,
-    leaf_ids, leaf_box, bits, known, place, scaled, lights, offsets, point, light, stats,
-):  # fmt: skip
-    """The samples of a leaf against what is left of its list.
-
-    Triangles that the light sees from the front come first: of a solid, they alone make dark what lies in its umbra.
-    """
-    known[:] = False
-    lx, ly, lz, w = disc.source[0], disc.source[1], disc.source[2], disc.source[3]
-    reach, light_count = disc.reach, len(disc.pattern)
-    slack_x, slack_q = leaf_box[slot, SLACK_X], leaf_box[slot, SLACK_Q]
-    reach_q = max(abs(leaf_box[slot, QMIN]), abs(leaf_box[slot, QMAX]))
-    for turn in range(2 * entries):
-        entry = turn if turn < entries else turn - entries
-        k = np.int64(listed[entry])
-        cluster = number_of[k]
-        mask = equal(sides, cluster, 0, np.int8(1))
-        mask = masked[entry] & (mask if turn < entries else ~mask)
-        stats[SAMPLE_TESTS] += count(mask) * LANES
-        while mask:
-            lane = np.int64(lowest(mask))
-            mask &= mask - np.int32(1)
-            t = np.int64(order[cluster * LANES + lane])
-            maybe, sure = np.int32(ALL), np.int32(0)
-            if bounded[k] >> np.int32(lane) & np.int32(1) and slack_x < np.inf:
-                maybe, sure = _touched(planes, regions, k, lane, leaf_place, slot, slack_x, slack_q, reach_q)
-            maybe &= ~(equal(leaf_ids, slot, OWN, np.int32(t)) | equal(leaf_ids, slot, OWN, np.int32(DARK)))
-            sure &= maybe
-            maybe &= ~sure
-            while sure:
-                darken(leaf_ids, slot, np.int64(lowest(sure)), bits)
-                sure &= sure - np.int32(1)
-            fresh = maybe
-            while fresh:
-                other = np.int64(lowest(fresh))
-                fresh &= fresh - np.int32(1)
-                if not known[other]:
-                    own, index = np.int64(leaf_ids[slot, OWN + other]), np.int64(leaf_ids[slot, SAMPLE + other])
-                    prepare(
-                        other, own, index, positions, triangles, barycentric, position, first, disc, known, place,
-                        lights, offsets, point,
-                    )  # fmt: skip
-            if maybe:
-                darken_lanes(
-                    maybe, slot, t, np.int64(sides[cluster, lane]), lx, ly, lz, w, reach, light_count, positions,
-                    triangles, barycentric, side, position, leaf_ids, place, scaled, lights, offsets, bits, point,
-                    light, stats,
-                )  # fmt: skip
-        if equal(leaf_ids, slot, OWN, np.int32(DARK)) == ALL:
-            return
-
-
-@kernel
-def write_shares(start, stop, bits, light_count, in_shadow, shares):
-    """What is visible of the light, for samples `start` to `stop`: shares `(n, 3)` of 1, the same for all colours."""
-    for index in range(start, stop):
-        dark = count(np.int32(bits[index] & 0xFFFFFFFF)) + count(np.int32(bits[index] >> 32))
-        lit = np.float32(MOST - dark)
-        in_shadow[index] = lit == 0.0
-        for channel in range(3):
-            shares[index, channel] = lit / np.float32(light_count)

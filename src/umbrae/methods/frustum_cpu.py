@@ -12,8 +12,7 @@ from umbrae.geometry.chance import LIGHT, key_of
 from umbrae.geometry.solids import Solids, find_solids
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
-from umbrae.methods.area_average import average_over_light
-from umbrae.methods.area_frustum import check_light_samples, shadow_of_area
+from umbrae.methods.area_frustum import Casters, check_light_samples, shadow_of_area
 from umbrae.methods.frustum_leaves import COUNTERS, Receivers
 from umbrae.methods.frustum_transmission import Dimming, cover_queued
 from umbrae.methods.frustum_traversal import CLUSTERS, merge, traverse_batch, write_out
@@ -21,7 +20,16 @@ from umbrae.methods.lanes import LANES
 from umbrae.methods.light_frame import POSITION_ERROR, LightFrame, light_frames, surface_error
 from umbrae.methods.method import Caster, Method, check_transparency
 from umbrae.methods.sample_tree import SampleTree, bounds_with, build, hierarchy_bytes
-from umbrae.methods.transmission_buffer import Dice, leave_out, light_or_dark, merge_sums, reserve, terms, write_shares
+from umbrae.methods.transmission_buffer import (
+    TOLERANCE,
+    Dice,
+    leave_out,
+    light_or_dark,
+    merge_sums,
+    reserve,
+    terms,
+    write_shares,
+)
 from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles, light_sides, moved_clusters
 from umbrae.parallel import run, thread_count
 from umbrae.samples import ViewSamples
@@ -47,8 +55,6 @@ MEMORY = ("hierarchy_bytes", "shadow_buffer_bytes")
 Those of the largest block; a solid caster's verdict about a single sample takes the place of the sample's own triangle.
 """
 
-TOLERANCE = 1e-5
-"""What a share of light may be off, where up to 80,000 casters let some through (see `transmission_buffer`)."""
 
 BLOCK = 1 << 23
 """Samples per hierarchy: a 3840 x 2160 picture is one block; larger ones go band by band to bound the memory."""
@@ -94,8 +100,8 @@ class Frustum(Method):
     light_samples
         How many points of a light with a size each view sample looks at, 1 to 64: its shadow is a multiple of one over
         this number, exact for these points. They differ from sample to sample (see `area_samples`), and all are tested
-        in one traversal with triangles' whole regions of influence (section 5; see `area_traversal`). Where triangles
-        let light through, these points are the same for all samples, tested one after the other.
+        in one traversal with triangles' whole regions of influence (section 5; see `area_traversal`). Triangles that
+        let light through dim each of them by what they let through on its way; `stochastic` stops it by chance.
     """
 
     front_face_culling: bool = False
@@ -169,14 +175,18 @@ class FrustumCaster(Caster):
         allowed = np.ones(len(scene.triangles), bool) if self.solid is None else self.solid
         return find_solids(scene.positions, scene.triangles, allowed)
 
+    @property
+    def casters(self) -> Casters:
+        """The triangles as a light with a size wants them."""
+        sheer = None if self.sheer is None else self.sheer.clusters
+        return Casters(self.scene, self.bounds, self.clusters, self.solids, transmission_of(self.scene), sheer)
+
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         self.check(light, samples)
         clock = clock or Clock()
         if light.is_area:
-            count = self.method.light_samples
-            if self.sheer is not None:
-                return average_over_light(self, light, samples, count, clock)
-            return shadow_of_area(self.scene, self.clusters, self.solids, light, samples, count, clock)
+            seed = int(self.method.seed) if self.method.transparency == "stochastic" else None
+            return shadow_of_area(self.casters, light, samples, self.method.light_samples, seed, clock)
         in_shadow = np.zeros(samples.size, bool)
         partial = None if self.sheer is None else np.empty((samples.size, 3), np.float32)
         stats, memory = np.zeros(len(COUNTERS), np.int64), (0, 0)
@@ -187,7 +197,7 @@ class FrustumCaster(Caster):
             width = samples.size // samples.shape[0]
             step = max(4, BLOCK // width // 4 * 4)
             by_chance = self.method.transparency == "stochastic"
-            key = key_of(self.method.seed, LIGHT) if by_chance else np.uint64(0)
+            key = key_of(self.method.seed, LIGHT, light.position) if by_chance else np.uint64(0)
             strata = samples.shape[2] if samples.camera is not None and len(samples.shape) == 3 else 1
             for start in range(0, samples.shape[0], step):
                 block = samples if step >= samples.shape[0] else samples.rows(start, start + step)
@@ -238,7 +248,7 @@ class FrustumCaster(Caster):
             shading = sides.own if self.solid is None else np.where(self.solid, sides.own, np.int8(0))
             covered = samples.covered.reshape(-1)
             if self.sheer is not None:
-                covered = self._not_behind_own(self.sheer.table, samples, sides.own, in_shadow, clock)
+                covered = self._not_behind_own(self.sheer.table, source, samples, sides.own, in_shadow, clock)
             leaves, trees = build(samples, covered, shading, source, frames, limits, in_shadow, clock)
         raw = samples.barycentric.reshape(-1, 2), samples.side.reshape(-1), samples.position.reshape(-1, 3)
         receivers = Receivers(self.scene.positions, self.scene.triangles, source, *leaves[:3], *raw)
@@ -291,6 +301,7 @@ class FrustumCaster(Caster):
     def _not_behind_own(
         self,
         table: Transmission,
+        source: NDArray[np.float64],
         samples: ViewSamples,
         facing: NDArray[np.int8],
         in_shadow: NDArray[np.bool_],
@@ -299,7 +310,7 @@ class FrustumCaster(Caster):
         """`covered (n,)` without samples whose own triangle is turned away and opaque there; sets those `in_shadow`."""
         covered = samples.covered.reshape(-1).copy()
         raw = samples.triangle.reshape(-1), samples.barycentric.reshape(-1, 2), samples.side.reshape(-1)
-        what = self.scene.triangles, *raw, facing, table, covered, in_shadow
+        what = self.scene.positions, self.scene.triangles, source, *raw, facing, table, covered, in_shadow
         _in_parts(samples.size, _SAMPLES_PER_TASK, clock, leave_out, *what)
         return covered
 

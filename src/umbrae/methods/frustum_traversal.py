@@ -116,6 +116,17 @@ def _beside(boxes, cluster, light, frame, xmin, xmax, ymin, ymax):
     return False
 
 
+@expand
+def append_to(children, k, mask, child_list, child_mask, child_count):
+    """Append a cluster, and the mask of what is wanted of it, to the lists of some children of a node."""
+    while children:
+        child = lowest(children)
+        children &= children - np.int32(1)
+        place = child_count[child]
+        child_list[child, place], child_mask[child, place] = k, mask
+        child_count[child] = place + 1
+
+
 @inline
 def _hand_down(listed, masked, entries, outer, box, full, group, child_list, child_mask, child_count):
     """Give each child of a node those clusters whose bounds meet its box; returns the mask of children with any."""
@@ -136,12 +147,7 @@ def _hand_down(listed, masked, entries, outer, box, full, group, child_list, chi
             & (qmin <= outer[k, 4])
         )
         visited |= hit
-        while hit:
-            child = lowest(hit)
-            hit &= hit - np.int32(1)
-            place = child_count[child]
-            child_list[child, place], child_mask[child, place] = k, masked[entry]
-            child_count[child] = place + 1
+        append_to(hit, k, masked[entry], child_list, child_mask, child_count)
     return visited
 
 

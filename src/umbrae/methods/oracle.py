@@ -1,19 +1,22 @@
 """The truth: exact rationals where floating point is unsure."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from umbrae.checks import whole
 from umbrae.clock import Clock
+from umbrae.errors import OptionError
 from umbrae.geometry import bvh
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
-from umbrae.methods.method import Caster, Method
+from umbrae.methods.area_samples import light_samples
+from umbrae.methods.method import LIGHT_SAMPLES, Caster, Method
 from umbrae.methods.oracle_filter import decide_chunk, margin_chunk
-from umbrae.methods.oracle_transmission import Product
+from umbrae.methods.oracle_transmission import Product, Share
 from umbrae.parallel import run
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
@@ -23,6 +26,9 @@ _CHUNK = 4096
 
 _ROOM = 1 << 14
 """Pairs of sample and triangle that a thread holds at a time; in larger scenes as many as there are triangles."""
+
+_PAIRS = 1 << 20
+"""Pairs of sample and light sample that are asked about at a time, to bound the memory."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,9 @@ class Oracle(Method):
 
     Where casters let light through, all of them are collected and their shares multiplied up in float64
     (`oracle_transmission`); `OracleCaster.decide` also says between what the result lies.
+
+    Of a light with a size, each view sample asks for its own light samples, one by one (see `area_samples`): the truth
+    for methods that look at the same ones.
     """
 
     tree: bool = True
@@ -43,14 +52,18 @@ class Oracle(Method):
     name: ClassVar[str] = "oracle"
     paper: ClassVar[str] = "the definition itself"
     guarantee: ClassVar[Guarantee] = Guarantee.EXACT
-    accepts: ClassVar[tuple[str, ...]] = ("pictures", "points", "transparency")
+    accepts: ClassVar[tuple[str, ...]] = ("pictures", "points", "transparency", "area lights")
+
+    def __post_init__(self) -> None:
+        if whole(self.light_samples, f"{self.name}: light_samples") < 1:
+            raise OptionError(f"{self.name}: light_samples: wanted at least 1, got {self.light_samples}")
 
     def prepare(self, scene: Scene, clock: Clock | None = None) -> "OracleCaster":
-        return OracleCaster(scene, self.tree)
+        return OracleCaster(scene, self.tree, self.light_samples)
 
 
 class Decided(NamedTuple):
-    """A mask, and `(..., 3) float32` between what its shares of light lie; None where all casters are solid.
+    """A mask, and `(..., 3) float32` between what its shares of light lie; None where each sample is lit or dark.
 
     The two differ where a texture or vertex colours decide and float64 cannot say more: by about 1e-12, or by the whole
     share of a triangle where alpha is that near to the cut-off of alpha mode MASK.
@@ -64,8 +77,11 @@ class Decided(NamedTuple):
 class OracleCaster(Caster):
     """A scene with its box tree."""
 
-    def __init__(self, scene: Scene, tree: bool = True) -> None:
+    takes_area_lights = True
+
+    def __init__(self, scene: Scene, tree: bool = True, light_samples: int = LIGHT_SAMPLES) -> None:
         self.scene = scene
+        self.light_samples = light_samples
         self.transmission = transmission_of(scene)
         table = self.transmission
         self.kind = table.kind if table is not None else np.full(len(scene.triangles), SOLID, np.uint8)
@@ -87,49 +103,80 @@ class OracleCaster(Caster):
 
     def decide(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> Decided:
         """The mask of `shadow`, and how well its shares of light are known."""
+        covered = samples.covered.reshape(-1)
+        mask, *bounds = self.decide_at(light, samples, np.flatnonzero(covered), clock)
+
+        def spread(values: NDArray[Any], background: Any) -> NDArray[Any]:
+            """What covered samples have, in the shape of all."""
+            result = np.full((samples.size, *values.shape[1:]), background, values.dtype)
+            result[covered] = values
+            return result.reshape(*samples.shape, *values.shape[1:])
+
+        partial, lowest, highest = (None if part is None else spread(part, 1) for part in (mask.partial, *bounds))
+        # Background is lit.
+        return Decided(replace(mask, in_shadow=spread(mask.in_shadow, False), partial=partial), lowest, highest)
+
+    def decide_at(
+        self, light: Light, samples: ViewSamples, chosen: NDArray[np.intp], clock: Clock | None = None
+    ) -> Decided:
+        """`decide` for the samples at flat indices `(n,)`, as a list."""
         self.check(light, samples)
         clock = clock or Clock()
-        flat = samples.take(np.flatnonzero(samples.covered.reshape(-1)))
-        verdict = np.zeros(flat.size, np.int8)
-        product = None if self.transmission is None else Product(self.scene, self.kind, light, flat)
+        value, lowest, highest = np.empty((3, len(chosen), 3), np.float32)
+        asked = 0
+        count = self.light_samples if light.is_area else 1
+        step = max(1, _PAIRS // count)
+        for start in range(0, len(chosen), step):
+            some = chosen[start : start + step]
+            lights = self._lights(light, samples, some)
+            left, fallbacks = self._decide(lights.reshape(-1, 4), samples.take(np.repeat(some, count)), clock)
+            asked += fallbacks
+            for all_of, part in zip((value, lowest, highest), left, strict=True):
+                all_of[start : start + step] = part.reshape(-1, count, 3).mean(axis=1)
+        mask = ShadowMask((value == 0).all(axis=1), Guarantee.EXACT, stats={"predicate_fallbacks": asked})
+        if self.transmission is None and not light.is_area:
+            return Decided(mask, None, None)
+        return Decided(replace(mask, partial=value), lowest, highest)
+
+    def _lights(self, light: Light, samples: ViewSamples, chosen: NDArray[np.intp]) -> NDArray[np.float32]:
+        """The points of a light that some samples ask for, `(n, light samples, 4)`."""
+        if light.is_area:
+            return light_samples(light, samples, self.light_samples, chosen)
+        return np.tile(light.position, (len(chosen), 1, 1))
+
+    def _decide(self, lights: NDArray[np.float32], samples: ViewSamples, clock: Clock) -> tuple[Share, int]:
+        """What arrives at each sample of a list from a light of its own, and how often rationals were asked."""
+        verdict = np.zeros(samples.size, np.int8)
+        product = Product(self.scene, self.kind, lights, samples)
         with clock.span("oracle"):
-            unsure = self._filter(light, flat, verdict, product, clock) if len(self.scene.triangles) else []
+            unsure = self._filter(lights, samples, verdict, product, clock) if len(self.scene.triangles) else []
         with clock.span("rationals"):
             asked = 0
-            exact = Exact(self.scene, light)
             for pairs in unsure:
                 through = []
                 for sample, triangle in pairs.tolist():
                     if verdict[sample] == 0:
                         asked += 1
-                        if exact.shades(flat, sample, triangle, bool(self.closed[triangle])):
+                        exact = Exact(self.scene, Light(lights[sample]))
+                        if exact.shades(samples, sample, triangle, bool(self.closed[triangle])):
                             if self.kind[triangle] == SOLID:
                                 verdict[sample] = 1
                             else:
                                 through.append((sample, triangle))
-                if product is not None:
-                    product.multiply(np.array(through, np.int64).reshape(-1, 2))
-        stats = {"predicate_fallbacks": asked}
-        dark = verdict != 0
-        if product is None:
-            return Decided(ShadowMask(_spread(samples, dark, False), Guarantee.EXACT, stats=stats), None, None)
+                product.multiply(np.array(through, np.int64).reshape(-1, 2))
         for left in product.left:
-            left[dark] = 0.0
-        partial, lowest, highest = (_spread(samples, left.astype(np.float32), 1) for left in product.left)
-        # Background is lit.
-        in_shadow = (partial == 0).all(axis=-1)
-        return Decided(ShadowMask(in_shadow, Guarantee.EXACT, stats=stats, partial=partial), lowest, highest)
+            left[verdict != 0] = 0.0
+        return product.left, asked
 
     def _filter(
         self,
-        light: Light,
+        lights: NDArray[np.float32],
         samples: ViewSamples,
         verdict: NDArray[np.int8],
-        product: Product | None,
+        product: Product,
         clock: Clock,
     ) -> list[NDArray[np.int64]]:
         """Write verdicts and take the shares of sure casters; returns `(n, 2)` pairs that are left to rationals."""
-        source = light.position.astype(np.float64)
         room = max(_ROOM, len(self.scene.triangles))
 
         def task(chunk: int) -> list[NDArray[np.int64]]:
@@ -137,11 +184,10 @@ class OracleCaster(Caster):
             unsure = []
             pairs = np.empty((room, 3), np.int64)
             while start < stop:
-                found, start = decide_chunk(*self._arrays(), source, *_raw(samples), start, stop, verdict, pairs)
+                found, start = decide_chunk(*self._arrays(), lights, *_raw(samples), start, stop, verdict, pairs)
                 sure = pairs[:found, 2] != 0
                 unsure.append(pairs[:found][~sure, :2])
-                if product is not None:
-                    product.multiply(pairs[:found][sure, :2])
+                product.multiply(pairs[:found][sure, :2])
             return unsure
 
         return [pairs for chunk in run(task, -(-samples.size // _CHUNK), clock) for pairs in chunk]
@@ -157,33 +203,45 @@ class OracleCaster(Caster):
         through. Never more than a hundredth of the scene's extent, where looking further is not worth it; so too for
         background and samples that their own triangle shades.
         """
+        margins = self.margin_at(light, samples, np.arange(samples.size), in_shadow.reshape(-1), clock)
+        return margins.reshape(samples.shape)
+
+    def margin_at(
+        self,
+        light: Light,
+        samples: ViewSamples,
+        chosen: NDArray[np.intp],
+        in_shadow: NDArray[np.bool_],
+        clock: Clock | None = None,
+    ) -> NDArray[np.float32]:
+        """`margin` for the samples at flat indices `(n,)`; `in_shadow (n,)` is theirs.
+
+        For a light with a size, the smallest of all its light samples, as if they stayed where they are: the distance
+        to the nearest side of any frustum.
+        """
         low, high = self.scene.bounds.astype(np.float64)
         cap = float(np.linalg.norm(high - low)) / 100.0
-        margins = np.full(samples.size, cap)
-        flat = samples.take(np.arange(samples.size))
-        shaded = np.ascontiguousarray(in_shadow.reshape(-1))
-        source = light.position.astype(np.float64)
+        found = np.full(len(chosen), cap)
+        count = self.light_samples if light.is_area else 1
+        step = max(1, _PAIRS // count)
+        for start in range(0, len(chosen) if len(self.scene.triangles) else 0, step):
+            some = chosen[start : start + step]
+            lights = self._lights(light, samples, some).reshape(-1, 4)
+            flat, margins = samples.take(np.repeat(some, count)), np.full(len(lights), cap)
+            shaded = np.zeros(len(lights), bool) if light.is_area else in_shadow[start : start + step].copy()
 
-        def task(chunk: int) -> None:
-            start, stop = chunk * _CHUNK, min((chunk + 1) * _CHUNK, flat.size)
-            margin_chunk(*self._arrays(), source, *_raw(flat), start, stop, flat.covered, shaded, margins)
+            def task(chunk: int, of=(lights, flat, shaded, margins)) -> None:  # type: ignore[no-untyped-def]
+                lights, flat, shaded, margins = of
+                begin, end = chunk * _CHUNK, min((chunk + 1) * _CHUNK, flat.size)
+                margin_chunk(*self._arrays(), lights, *_raw(flat), begin, end, flat.covered, shaded, margins)
 
-        if len(self.scene.triangles):
             run(task, -(-flat.size // _CHUNK), clock)
+            found[start : start + step] = margins.reshape(-1, count).min(axis=1)
         # One step down: rounding to float32, and in float64 before it, must not make a margin larger.
-        rounded = np.nextafter(margins.astype(np.float32), np.float32(0))
-        return rounded.reshape(samples.shape)
+        return np.nextafter(found.astype(np.float32), np.float32(0))
 
     def _arrays(self) -> tuple[Any, ...]:
         return (self.scene.positions, self.scene.triangles, *self.tree, self.kind)
-
-
-def _spread(samples: ViewSamples, values: NDArray[Any], background: Any) -> NDArray[Any]:
-    """What covered samples have, in the shape of all; the others get `background`."""
-    covered = samples.covered.reshape(-1)
-    result = np.full((samples.size, *values.shape[1:]), background, values.dtype)
-    result[covered] = values
-    return result.reshape(*samples.shape, *values.shape[1:])
 
 
 def _raw(samples: ViewSamples) -> tuple[Any, ...]:
@@ -215,10 +273,11 @@ class Exact:
         """Whether the triangle shadows sample number `sample` of a flat list.
 
         Side planes belong to the triangle if `closed`; else a sample on one counts as moved by (e, e**2, e**3), e -> 0.
+        So on an edge of its own triangle it may be moved off it, like off any other.
         """
         own, side = int(samples.triangle[sample]), int(samples.side[sample])
         facing = self.facing(triangle)
-        if triangle == own:
+        if triangle == own and closed:
             return side * facing < 0
         if facing == 0:
             return False

@@ -105,10 +105,12 @@ def _ask(positions, triangles, t, light, point, magnitude, work):
 
 @kernel
 def decide_chunk(
-    positions, triangles, lower, upper, order, first_leaf, kind, light,
+    positions, triangles, lower, upper, order, first_leaf, kind, lights,
     triangle, barycentric, side, free, start, stop, verdict, pairs,
 ):  # fmt: skip
     """Set `verdict` to 1 where a solid triangle surely shadows; else list in `pairs` what else there is to know.
+
+    `lights (n, 4)` has one for each sample.
 
     Rows of `pairs` are (sample, triangle, sure): triangles left open (0), and others than solid ones that surely shadow
     (1). With a row for each triangle `pairs` has room for any sample; where there is none for the next one, the work
@@ -118,9 +120,11 @@ def decide_chunk(
     """
     stack = np.empty(STACK, np.int64)
     work = np.empty((4, 3))
-    point = np.empty(3)
+    point, light = np.empty(3), np.empty(4)
     count = 0
     for sample in range(start, stop):
+        for part in range(4):
+            light[part] = lights[sample, part]
         own = triangle[sample]
         verdict[sample] = 0
         begin = count
@@ -130,6 +134,9 @@ def decide_chunk(
                 verdict[sample] = 1
                 continue
             if not sure or facing * side[sample] < 0:
+                # On an edge it may belong to the neighbour.
+                u, v = np.float64(barycentric[sample, 0]), np.float64(barycentric[sample, 1])
+                sure = sure and u > 0.0 and v > 0.0 and u + v < 1.0
                 if count == len(pairs):
                     return begin, sample
                 pairs[count, 0], pairs[count, 1], pairs[count, 2] = sample, own, sure
@@ -206,16 +213,18 @@ def _plane_distance(x, y, z, v0, v1, point, magnitude):
 
 @kernel
 def margin_chunk(
-    positions, triangles, lower, upper, order, first_leaf, kind, light,
+    positions, triangles, lower, upper, order, first_leaf, kind, lights,
     triangle, barycentric, side, free, start, stop, covered, in_shadow, margins,
 ):  # fmt: skip
-    """Lower the entries of `margins` (a cap on entry) to each sample's margin."""
+    """Lower the entries of `margins` (a cap on entry) to each sample's margin; `lights (n, 4)` has a light for each."""
     stack = np.empty(STACK, np.int64)
     work = np.empty((4, 3))
-    point = np.empty(3)
+    point, light = np.empty(3), np.empty(4)
     for sample in range(start, stop):
         if not covered[sample]:
             continue
+        for part in range(4):
+            light[part] = lights[sample, part]
         own = triangle[sample]
         if own >= 0 and side[sample] != 0:
             facing, _ = _own_facing(positions, triangles, own, light, work)

@@ -28,7 +28,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.light import Light
 from umbrae.material import Material
 from umbrae.samples import ViewSamples, surface_points
 from umbrae.scene import Scene
@@ -54,11 +53,13 @@ class Share(NamedTuple):
 class Product:
     """What is left of the light at each sample of a list, as casters are found one after the other.
 
-    Threads may call `multiply` at the same time for different samples.
+    `lights (n, 4)` has one for each sample. Threads may call `multiply` at the same time for different samples.
     """
 
-    def __init__(self, scene: Scene, kind: NDArray[np.uint8], light: Light, samples: ViewSamples) -> None:
-        self.scene, self.kind, self.light, self.samples = scene, kind, light, samples
+    def __init__(
+        self, scene: Scene, kind: NDArray[np.uint8], lights: NDArray[np.float32], samples: ViewSamples
+    ) -> None:
+        self.scene, self.kind, self.lights, self.samples = scene, kind, lights, samples
         ones = np.ones((samples.size, 3))
         self.left = Share(ones, ones.copy(), ones.copy())
 
@@ -66,13 +67,15 @@ class Product:
         """Let each triangle of `pairs (n, 2)`, sample and triangle, take its part; none of them is solid or clear."""
         for start in range(0, len(pairs), _BLOCK):
             sample, triangle = pairs[start : start + _BLOCK].T
-            weights, doubt = _place(self.scene, self.light, self.samples.take(sample), triangle)
+            weights, doubt = _place(self.scene, self.lights[sample], self.samples.take(sample), triangle)
             share = passing(self.scene, self.kind[triangle] == EVEN, triangle, weights, doubt)
             for left, factor in zip(self.left, share, strict=True):
                 np.multiply.at(left, sample, factor)
 
 
-def _place(scene: Scene, light: Light, samples: ViewSamples, triangle: NDArray[np.int64]) -> tuple[_Floats, _Floats]:
+def _place(
+    scene: Scene, lights: NDArray[np.float32], samples: ViewSamples, triangle: NDArray[np.int64]
+) -> tuple[_Floats, _Floats]:
     """Barycentrics `(n, 3)` of where the light of each sample crosses a triangle, and by how much they may be off.
 
     On the own triangle that is where the sample lies.
@@ -82,8 +85,8 @@ def _place(scene: Scene, light: Light, samples: ViewSamples, triangle: NDArray[n
     point, magnitude = samples.position.astype(np.float64), np.zeros(samples.size)
     point[surface] = surface_points(scene, own[surface], samples.barycentric[surface])
     magnitude[surface] = np.abs(scene.positions[scene.triangles[own[surface]]]).max(axis=(1, 2), initial=0)
-    source, w = light.position[:3].astype(np.float64), float(light.position[3])
-    toward = source - w * point
+    source, w = lights[:, :3].astype(np.float64), lights[:, 3].astype(np.float64)
+    toward = source - w[:, None] * point
     corners = scene.positions[scene.triangles[triangle]].astype(np.float64)
     opposite, error = np.empty((samples.size, 3)), np.zeros(samples.size)
     for corner in range(3):

@@ -24,6 +24,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from umbrae.geometry.chance import chance
+from umbrae.geometry.predicates import shadows_own
 from umbrae.memory import keep_spare, take_spare
 from umbrae.methods.lanes import LANES
 from umbrae.methods.sample_clusters import DARK, OWN, SAMPLE
@@ -41,6 +42,9 @@ MOST = 64.0
 
 BLOCKED = -1
 """In place of a term: nothing gets through."""
+
+TOLERANCE = 1e-5
+"""What a share of light may be off, where up to 80,000 casters let some through."""
 
 LEAST = 2.0**-126
 """What arrives at least where anything does: 0 is kept for where nothing does."""
@@ -205,7 +209,8 @@ def write_shares(start, stop, tree, receivers, facing_of, table, buffer, dice, i
     A sample whose own triangle is turned away from the light, by `facing_of (t,)`, gets through that one as well.
     """
     sums, blocked, ids = buffer.sums, buffer.blocked, receivers.ids
-    arriving = np.empty(CHANNELS)
+    positions, triangles, light_of = receivers.positions, receivers.triangles, receivers.light
+    arriving, point = np.empty(CHANNELS), np.empty(3)
     for number in range(start, stop):
         slot = tree.slot[number]
         group, child = number // LANES, number % LANES
@@ -228,8 +233,12 @@ def write_shares(start, stop, tree, receivers, facing_of, table, buffer, dice, i
                             # Never 0 by rounding: that means dark.
                             before, light = total, max(np.exp(total * (-1.0 / STEPS)), 2.0**-500)
                     arriving[channel] = 0.0 if stopped else light
-                if own >= 0 and table.kind[own] != SOLID and receivers.side[index] * facing_of[own] < 0:
-                    _through_own(receivers, table, dice, index, own, arriving)
+                if own >= 0 and table.kind[own] != SOLID:
+                    u, v = np.float64(receivers.barycentric[index, 0]), np.float64(receivers.barycentric[index, 1])
+                    faces, side = np.int64(facing_of[own]), np.int64(receivers.side[index])
+                    closed = table.closed[table.material_id[own]]
+                    if shadows_own(positions, triangles, own, faces, light_of, u, v, side, point, closed):
+                        _through_own(receivers, table, dice, index, own, arriving)
                 dark = arriving[0] == 0.0 and arriving[1] == 0.0 and arriving[2] == 0.0
             in_shadow[index] = dark
             for channel in range(CHANNELS):
@@ -248,15 +257,22 @@ def own_shares(triangles, barycentric, table, index, own):
 
 
 @kernel
-def leave_out(start, stop, triangles, triangle, barycentric, side, facing_of, table, covered, in_shadow):
+def leave_out(
+    start, stop, positions, triangles, light, triangle, barycentric, side, facing_of, table, covered, in_shadow
+):
     """Set samples `start` to `stop` in shadow where the own triangle is turned away and opaque; clears `covered`."""
+    point = np.empty(3)
     for index in range(start, stop):
         own = triangle[index]
         if covered[index] and own >= 0 and side[index] * facing_of[own] < 0 and table.kind[own] != SOLID:
             red, green, blue = own_shares(triangles, barycentric, table, index, own)
             if red <= 0.0 and green <= 0.0 and blue <= 0.0:
-                covered[index] = False
-                in_shadow[index] = True
+                u, v = np.float64(barycentric[index, 0]), np.float64(barycentric[index, 1])
+                faces, of_sample = np.int64(facing_of[own]), np.int64(side[index])
+                closed = table.closed[table.material_id[own]]
+                if shadows_own(positions, triangles, own, faces, light, u, v, of_sample, point, closed):
+                    covered[index] = False
+                    in_shadow[index] = True
 
 
 @expand

@@ -162,5 +162,12 @@ def weights(a: Vertex, b: Vertex, c: Vertex, x: float, y: float) -> tuple[float,
 def barycentric(a: Vertex, b: Vertex, c: Vertex, x: float, y: float) -> tuple[float, float]:
     """`weights` rounded to what a view sample holds: it is this point of the triangle, not the one beside it."""
     u, v = weights(a, b, c, x, y)
+    held: tuple[float, float] = held_by_sample(u, v)
+    return held
+
+
+@inline
+def held_by_sample(u: float, v: float) -> tuple[float, float]:
+    """Barycentrics rounded to multiples of 2^-24 whose sum is at most 1."""
     u = np.rint(u * QUANTA) / QUANTA
     return u, min(np.rint(v * QUANTA) / QUANTA, 1.0 - u)

@@ -5,16 +5,17 @@ are in order of (distance, triangle), in float64, so that coincident ones are pe
 sample, where a surface lets nothing through.
 """
 
+from dataclasses import replace
 from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.camera import Camera
-from umbrae.checks import shown
+from umbrae.checks import is_whole, shown
 from umbrae.clock import Clock
 from umbrae.errors import OptionError
-from umbrae.memory import require
+from umbrae.memory import available_bytes, require
 from umbrae.parallel import inline, kernel, run
 from umbrae.samples import ViewSamples
 from umbrae.sampling.bands import Picture
@@ -23,6 +24,9 @@ from umbrae.sampling.drawing import Floor
 from umbrae.sampling.seen import BYTES_PER_SAMPLE, Seen, picture_of
 from umbrae.scene import Scene
 from umbrae.transmission import SOLID, VARYING, Transmission, surface_at, transmission_of
+
+_SMALL = 128
+"""Pixels along the longer side of the picture in which layers are counted before there is room for them."""
 
 
 def sample_layers(
@@ -48,11 +52,13 @@ def sample_layers(
     OptionError
         When `layers` or `samples_per_pixel` is not a whole number from 1.
     CapacityError
-        When a layer would not fit into memory.
+        When the layers would not fit into memory.
     """
     check_layers(layers)
-    picture = picture_of(scene, camera, samples_per_pixel)
-    bands, table = Bands.of(scene, camera, picture), transmission_of(scene)
+    picture, table = picture_of(scene, camera, samples_per_pixel), transmission_of(scene)
+    if table is not None and layers > 1:
+        _require(scene, camera, layers, samples_per_pixel)
+    bands = Bands.of(scene, camera, picture)
     found, lock = [Seen.of(picture)], Lock()
 
     def layer(number: int) -> Seen:
@@ -83,12 +89,27 @@ def sample_layers(
 
 def check_layers(layers: int) -> None:
     """Refuse anything but a whole number from 1."""
-    if not isinstance(layers, (int, np.integer)) or layers < 1:
+    if not is_whole(layers) or layers < 1:
         raise OptionError(f"layers: wanted a whole number from 1, got {shown(layers)}")
 
 
+def _require(scene: Scene, camera: Camera, layers: int, per_pixel: int) -> None:
+    """Refuse layers that will not fit into memory; where all of them would not, a small picture tells how many come."""
+    one = camera.width * camera.height * per_pixel * BYTES_PER_SAMPLE
+    shrink = max(camera.width, camera.height) / _SMALL
+    if layers * one <= available_bytes() or shrink <= 1.0:
+        return
+    width, height = (max(1, round(side / shrink)) for side in (camera.width, camera.height))
+    count = len(sample_layers(scene, replace(camera, width=width, height=height), layers))
+    require(
+        count * one,
+        f"a picture of {camera.width} x {camera.height} pixels with {per_pixel} samples each in {count} layers "
+        "(fewer need less)",
+    )
+
+
 def _another(picture: Picture, number: int) -> Seen:
-    """Room for a further layer."""
+    """Room for a further layer, which may be one more than `_require` has seen."""
     total = picture.width * picture.height * len(picture.x)
     require(
         total * BYTES_PER_SAMPLE,

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.camera import Camera, pixel_offsets
-from umbrae.checks import instance
+from umbrae.checks import instance, is_whole
 from umbrae.errors import OptionError
 from umbrae.memory import require
-from umbrae.parallel import kernel
+from umbrae.parallel import inline, kernel
 from umbrae.samples import ViewSamples
 from umbrae.sampling.bands import Geometry, Picture, corners
 from umbrae.sampling.coverage import barycentric as barycentric_at
@@ -26,7 +26,7 @@ def picture_of(scene: Scene, camera: Camera, samples_per_pixel: int) -> Picture:
     """Where samples lie, once the arguments are known to be good and the result to fit into memory."""
     instance(scene, Scene, "scene")
     instance(camera, Camera, "camera")
-    if not isinstance(samples_per_pixel, (int, np.integer)) or samples_per_pixel < 1:
+    if not is_whole(samples_per_pixel) or samples_per_pixel < 1:
         raise OptionError(f"samples_per_pixel: wanted a whole number from 1, got {samples_per_pixel!r}")
     per_pixel, width, height = int(samples_per_pixel), camera.width, camera.height
     require(
@@ -123,12 +123,26 @@ def resolve(
                 if t >= 0:
                     a, b, c = corners(geometry, t)
                     u, v = barycentric_at(a, b, c, column + picture.x[k], row + picture.y[k])
-                    for axis in range(3):
-                        from_a = np.float64(positions[triangles[t, 0], axis])
-                        to_b = positions[triangles[t, 1], axis] - from_a
-                        to_c = positions[triangles[t, 2], axis] - from_a
-                        position[at, axis] = from_a + u * to_b + v * to_c
+                    put_point(positions, triangles, t, u, v, position, at)
                 else:
                     position[at, 0], position[at, 1], position[at, 2] = 0.0, 0.0, 0.0
                 barycentric[at, 0], barycentric[at, 1] = u, v
                 at += 1
+
+
+@inline
+def put_point(
+    positions: NDArray[np.float32],
+    triangles: NDArray[np.int32],
+    t: int,
+    u: float,
+    v: float,
+    position: NDArray[np.float32],
+    at: int,
+) -> None:
+    """Write the point of a triangle at barycentrics u and v, as `samples.surface_positions` has it."""
+    for axis in range(3):
+        from_a = np.float64(positions[triangles[t, 0], axis])
+        to_b = positions[triangles[t, 1], axis] - from_a
+        to_c = positions[triangles[t, 2], axis] - from_a
+        position[at, axis] = from_a + u * to_b + v * to_c

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.camera import Camera
-from umbrae.checks import shown
+from umbrae.checks import is_whole, shown
 from umbrae.clock import Clock
 from umbrae.errors import OptionError
 from umbrae.geometry.chance import VIEW, chance, key_of
@@ -90,7 +90,7 @@ def sample_stochastic(
 
 def check_seed(seed: int) -> None:
     """Refuse anything but a whole number from 0 that 63 bits hold."""
-    if not isinstance(seed, (int, np.integer)) or not 0 <= seed < 1 << 63:
+    if not is_whole(seed) or not 0 <= seed < 1 << 63:
         raise OptionError(f"seed: wanted a whole number from 0 to 2**63 - 1, got {shown(seed)}")
 
 

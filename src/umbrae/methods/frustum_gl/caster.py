@@ -19,7 +19,7 @@ from umbrae.methods.frustum_gl.uploaded import Band, GpuShadow, UploadedSamples
 from umbrae.methods.method import Caster
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
-from umbrae.transmission import SOLID, transmission_of
+from umbrae.transmission import EVEN, SOLID, VARYING, Transmission, transmission_of
 
 BATCH = 1 << 17
 """Triangles whose frusta go down together: 25 MB of planes, and no dispatch that takes long."""
@@ -46,11 +46,12 @@ class FrustumGlCaster(Caster):
         self.table = transmission_of(scene)
         self._outlines: Defines = {"SILHOUETTE_PLANES": 1} if silhouette_planes else {}
         self._skips: Defines = {"SKIP_FULL": 1} if skip_full else {}
-        self._key = None if seed is None or self.table is None else key_of(seed, LIGHT)
+        self._seed = None if self.table is None else seed
+        self._key: np.uint64 | None = None
         self._culls = front_face_culling
         self._batch, self._room = BATCH, ROOM
         with self.session.current() as current:
-            self.passes = Passes(current, scene, self.table, self._key)
+            self.passes = Passes(current, scene, self.table, self._seed is not None)
         self._measure(clock)
 
     def _place(self, scene: Scene, clock: Clock | None) -> None:
@@ -103,6 +104,9 @@ class FrustumGlCaster(Caster):
         names = "tile_frustum_tests", "sample_frustum_tests", "accepts", "rejects", "fallbacks", "predicate_fallbacks"
         stats = dict.fromkeys(names, 0)
         merged = []
+        if self._seed is not None:
+            self._key = key_of(self._seed, LIGHT, light.position)
+            self.passes.draw_by(self._key)
         with self.session.current() as current:
             if uploaded.bands:
                 with stage(current, clock, "facing"):
@@ -113,7 +117,7 @@ class FrustumGlCaster(Caster):
                 pairs = self._cast(light, uploaded.view, band, False, stats, clock)
                 if self.table is not None:
                     more = self._cast(light, uploaded.view, band, True, stats, clock)
-                    pairs = np.concatenate([pairs, more])
+                    pairs = np.concatenate([pairs, more, self._on_own_edges(self.table, band.part)])
                 with clock.span("exact"):
                     found = self._decide(light, band.part, pairs)
                 with stage(current, clock, "merge"):
@@ -209,6 +213,16 @@ class FrustumGlCaster(Caster):
         product = np.ones((len(shadowed), 3))
         np.multiply.at(product, at, shares)
         return shadowed, product.astype(np.float32)
+
+    def _on_own_edges(self, table: Transmission, part: Part) -> NDArray[np.int32]:
+        """The pairs `(p, 2)` of samples on an edge of their own triangle with it, where the edge may not be its own."""
+        samples = part.samples
+        own, (u, v) = samples.triangle.reshape(-1), samples.barycentric.reshape(-1, 2).T
+        on_edge = (u == 0) | (v == 0) | (u.astype(np.float64) + v == 1)
+        index = np.flatnonzero(samples.covered.reshape(-1) & (own >= 0) & on_edge)
+        through = np.isin(table.kind, (EVEN, VARYING)) & ~table.closed[table.material_id]
+        index = index[through[own[index]]]
+        return np.stack([index, own[index]], axis=1).astype(np.int32)
 
 
 def _source(light: Light) -> tuple[float, ...]:

@@ -1,4 +1,5 @@
-// Samples that their own triangle hides from the light, where it lets some of it through.
+// Samples that their own triangle hides from the light, where it lets some of it through. Those on an edge of a triangle
+// that is not closed are left to exact arithmetic: the edge may belong to the neighbour.
 
 #include "tiles.glsl"
 #include "transmission.glsl"
@@ -16,6 +17,9 @@ void main() {
     int triangle = own_of(index);
     if (side_of(index) * facings[triangle] >= 0 || kind_of(triangle) == SOLID) return;
     double u = number(samples[index].y), v = number(samples[index].z);
+    int m = material_of(triangle);
+    bool closed = materials[m + 6] == 1.0LF && materials[m + 4] == 0.0LF;
+    if (!closed && (u == 0.0LF || v == 0.0LF || u + v == 1.0LF)) return;
     dim(place_of(0, node_of_sample(index)), index, triangle, share_of(triangle, dvec3(1.0LF - u - v, u, v)));
 }
 #endif

@@ -52,8 +52,8 @@ class Passes:
         The OpenGL context, which must be current whenever a pass runs.
     scene, table
         The triangles, and what they let through; None when all are solid.
-    key
-        Of the chances that decide what is let through (`geometry.chance`); None where they do not.
+    by_chance
+        Whether chances decide what is let through (`geometry.chance`); `draw_by` then says which.
 
     Raises
     ------
@@ -61,7 +61,7 @@ class Passes:
         When the driver has no room for them.
     """
 
-    def __init__(self, session: Session, scene: Scene, table: Transmission | None, key: np.uint64 | None) -> None:
+    def __init__(self, session: Session, scene: Scene, table: Transmission | None, by_chance: bool) -> None:
         self.session = session
         self.most = session.integer("GL_MAX_SHADER_STORAGE_BLOCK_SIZE")
         arrays: dict[int, NDArray[Any]] = {POSITIONS: scene.positions, TRIANGLES: scene.triangles}
@@ -75,8 +75,8 @@ class Passes:
                 )
         self._scene = {binding: self.buffer(array) for binding, array in arrays.items()}
         self._materials: Defines = {} if table is None else {"MATERIALS": 1}
-        self._key = None if key is None else (int(key) & 0xFFFFFFFF, int(key) >> 32)
-        self._by_chance: Defines = {} if key is None else {"BY_CHANCE": 1}
+        self._key: tuple[int, int] | None = None
+        self._by_chance: Defines = {"BY_CHANCE": 1} if by_chance else {}
         self._colored = table is not None and len(table.colors) > 0
         self._kept: dict[int, Any] = {}
 
@@ -84,6 +84,10 @@ class Passes:
         """Let the scene's vertices be at `positions (v, 3)`."""
         if positions.size:
             self._scene[POSITIONS].write(positions.tobytes())
+
+    def draw_by(self, key: np.uint64) -> None:
+        """Take the chances of a key from now on."""
+        self._key = int(key) & 0xFFFFFFFF, int(key) >> 32
 
     def buffer(self, values: NDArray[Any]) -> Any:
         """A buffer with these values; never empty, which OpenGL does not allow."""
@@ -104,7 +108,7 @@ class Passes:
         free = np.flatnonzero(own < 0)
         given[free, 1:] = samples.position.reshape(-1, 3)[free].view(np.int32)
         numbers = None
-        if self._key is not None:
+        if self._by_chance:
             numbers = self.buffer(part.numbers(np.arange(count, dtype=np.int32)).astype(np.uint32))
         made = Band(part, self.buffer(given), self.reserve(16 * part.tiles.places), numbers)
         uniforms = {**view, **part.tiles.uniforms, "count": part.tiles.places}

@@ -57,7 +57,7 @@ def settle_doubts(
         part = found[i * _SAMPLES_PER_TASK : (i + 1) * _SAMPLES_PER_TASK]
         settle(part, *samples, *soup, tree, numbers, corners, weight, facing, source, *surface, in_shadow)
 
-    run(task, -(-len(found) // _SAMPLES_PER_TASK))
+    run(task, -(-len(found) // _SAMPLES_PER_TASK) or 1)  # compiled also where nothing is in doubt
 
 
 @kernel

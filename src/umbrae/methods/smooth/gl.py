@@ -141,9 +141,13 @@ class SmoothVolumes(CountingEngine):
 
     def draw_caps(self, frame: Frame, samples: ViewSamples, capped: NDArray[np.int32]) -> None:
         super().draw_caps(frame, samples, capped)
-        self._draw_patches(frame, self._banded, {})
+        self.draw_bands(frame)
         if not frame.light.is_directional or any(frame.uniforms["far_plane"][:3]):  # else a point
             self._draw_patches(frame, self._banded, {"DARK_CAPS": 1})
+
+    def draw_bands(self, frame: Frame) -> None:
+        """Close the volumes between the mesh and the contour."""
+        self._draw_patches(frame, self._banded, {})
 
     def _patches(self, parts: NDArray[Any]) -> tuple[Any, int]:
         return self.buffer(parts), len(parts)

@@ -10,8 +10,8 @@ from umbrae.checks import number, shown
 from umbrae.clock import Clock
 from umbrae.errors import OptionError
 from umbrae.geometry.contours import moved_mesh, smooth_mesh
-from umbrae.geometry.hermite import Curves
-from umbrae.geometry.smooth_surface import SmoothSurface, Tolerance, smooth_surface
+from umbrae.geometry.hermite import Curves, curved, phong
+from umbrae.geometry.smooth_surface import Bend, SmoothSurface, Tolerance, smooth_surface
 from umbrae.light import Light
 from umbrae.mask import Guarantee
 from umbrae.methods.method import Method
@@ -20,7 +20,8 @@ from umbrae.parallel import expand, kernel, run
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
-SILHOUETTES = ("smooth", "accurate", "discrete")
+_BENT: dict[str, Bend] = {"smooth": curved, "phong": phong}
+SILHOUETTES = ("smooth", "accurate", "discrete", "phong")
 
 FINE_PX = 0.25
 """What chords may be off in a picture where no bound is given."""
@@ -38,7 +39,8 @@ class SmoothMethod(Method):
     Options
     -------
     silhouette
-        `smooth`, `accurate` (not bent) or `discrete` (that of the triangles, whatever the normals).
+        `smooth`, `accurate` (not bent), `discrete` (that of the triangles, whatever the normals), or `phong`, the
+        paper's counter-example (its Figure 4): bent by Phong tessellation's quadratic curves, which leave kinks.
     epsilon
         How far chords may lie from the curves, in world units: the paper's bound.
     epsilon_px
@@ -85,11 +87,12 @@ class Silhouettes:
     def surface(self, light: Light, samples: ViewSamples) -> SmoothSurface:
         """The surface that casts this light's shadow on these samples, the same object as long as nothing changes."""
         in_picture = self._in_picture(samples)
-        about = samples if in_picture is not None and self.method.silhouette == "smooth" else None
+        bend = _BENT.get(self.method.silhouette)
+        about = samples if in_picture is not None and bend else None
         key = light.position.tobytes()
         if self._kept is None or self._kept[0] != key or self._kept[1] is not about:
-            tolerance = self._tolerance(light, samples) if self.method.silhouette == "smooth" else None
-            self._kept = key, about, smooth_surface(self.mesh, light.position, tolerance)
+            tolerance = self._tolerance(light, samples) if bend else None
+            self._kept = key, about, smooth_surface(self.mesh, light.position, tolerance, bend or curved)
         return self._kept[2]
 
     def turned_away(self, surface: SmoothSurface, samples: ViewSamples) -> NDArray[np.bool_]:
