@@ -46,6 +46,11 @@ def read_animation(data: bytes, folder: Folder, name: str | None) -> Animation:
     return Animation(joined(parts), duration, clip.text("name", ""), skeleton, tuple(pieces))
 
 
+def animation_names(data: bytes, folder: Folder) -> tuple[str, ...]:
+    """Of all animations, in the file's order; empty for those without a name."""
+    return tuple(clip.text("name", "") for clip in Document(data, folder).items("animations"))
+
+
 def _chosen(document: Document, name: str | None) -> Entry:
     clips = document.items("animations")
     if not clips:

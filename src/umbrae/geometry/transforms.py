@@ -23,6 +23,15 @@ def composed(translation: Floats, rotation: Floats, scale: Floats) -> Floats:
     return matrix
 
 
+def turning(axis: Floats, degrees: float) -> Floats:
+    """`(3, 3)`: around an axis of length 1, counter-clockwise where it comes towards one."""
+    x, y, z = axis
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angle = np.radians(degrees)
+    matrix: Floats = np.eye(3) + np.sin(angle) * across + (1.0 - np.cos(angle)) * (across @ across)
+    return matrix
+
+
 def transformed(positions: Floats, normals: Floats | None, matrix: Floats) -> tuple[Floats, Floats | None]:
     """Positions and normals `(n, 3)` under one matrix `(4, 4)`, or one each `(n, 4, 4)`.
 
