@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.checks import number, whole
-from umbrae.errors import InputError
+from umbrae.checks import number
 from umbrae.geometry.keyframes import Keyframes
+from umbrae.geometry.outermost import outermost
 from umbrae.geometry.transforms import Floats, composed, transformed
 from umbrae.scene import Scene
 
-MOMENTS = 256
-"""How many moments of a clip `Animation.bounds` looks at, at most."""
+_MOMENTS = 100
 
 
 class Skeleton(NamedTuple):
@@ -136,15 +135,13 @@ class Animation:
         ]
         return self.scene.moved(np.concatenate(positions), np.concatenate(filled))
 
-    def bounds(self, moments: int = MOMENTS) -> NDArray[np.float64]:
-        """`(2, 3)` lower and upper corner of what all vertices reach, at so many moments evenly over the clip."""
-        if whole(moments, "Animation.bounds: moments") < 1:
-            raise InputError(f"Animation.bounds: moments: wanted 1 or more, got {moments}")
-        low, high = np.full(3, np.inf), np.full(3, -np.inf)
-        for seconds in np.linspace(0.0, self.duration, moments).tolist():
-            for place in self._vertices(seconds)[0]:
-                low, high = np.minimum(low, place.min(axis=0)), np.maximum(high, place.max(axis=0))
-        return np.array([low, high])
+    def outermost(self) -> NDArray[np.float64]:
+        """`(k, 3)` vertices that all others lie between, wherever they come to: what a camera must see to see all.
+
+        As good as `geometry.outermost` is, at up to 100 moments evenly over the clip.
+        """
+        moments = np.linspace(0.0, self.duration, _MOMENTS if self.duration > 0 else 1).tolist()
+        return outermost(np.concatenate([outermost(np.concatenate(self._vertices(each)[0])) for each in moments]))
 
     def _vertices(self, seconds: float) -> tuple[list[Floats], list[Floats | None]]:
         """Positions and normals of each piece, in the scene's coordinates."""

@@ -27,6 +27,7 @@ from umbrae.commands.model import load, note_if_nothing_is_seen
 from umbrae.console import note, print_json
 from umbrae.errors import OptionError, OutputError
 from umbrae.formats.video import imageio
+from umbrae.geometry.outermost import outermost
 from umbrae.geometry.transforms import turning
 from umbrae.methods import Caster, Method
 from umbrae.shade import up_axis
@@ -126,12 +127,11 @@ class Film:
         return load(model, clock, self.written, opaque), None
 
     def stage(self, scene: um.Scene, animation: um.Animation | None, up: Vector) -> um.Scene:
-        """The corners of all that is seen in any frame, from all sides that it is seen from: one view for all."""
-        low, high = scene.bounds.astype(np.float64) if animation is None else animation.bounds()
-        middle, axis = (low + high) / 2, up_axis(np.array(up))
-        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        """The outermost of all that is seen in any frame, from all sides that it is seen from: one view for all."""
+        reach = outermost(scene.positions) if animation is None else animation.outermost()
+        middle, axis = (reach.min(axis=0) + reach.max(axis=0)) / 2, up_axis(np.array(up))
         turns = [turning(axis, 360.0 * i / _AROUND) for i in range(_AROUND if self.orbit else 1)]
-        points = np.concatenate([middle + (corners - middle) @ turn.T for turn in turns]).astype(np.float32)
+        points = np.concatenate([middle + (reach - middle) @ turn.T for turn in turns]).astype(np.float32)
         rows = np.arange(len(points))
         return um.Scene(points, np.stack([rows, np.roll(rows, 1), np.roll(rows, 2)], axis=1), origin=scene.origin)
 
