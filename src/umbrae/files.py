@@ -255,7 +255,6 @@ def load_image(path: AnyPath, made_of: str) -> NDArray[np.uint8] | None:
     """The pixels of a whole PNG file that `save_image` has written, `made_of` the same; None for anything else."""
     try:
         with PillowImage.open(_path(path)) as picture:
-            picture.load()
             if getattr(picture, "text", {}).get(_MADE_OF) == made_of:
                 return np.asarray(picture)
     except Exception:
