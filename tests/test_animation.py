@@ -117,6 +117,52 @@ def test_weights_that_sum_up_to_something_else_are_brought_to_one(tmp_path):
     close(found.at(0.7).positions, wanted.at(0.7).positions)
 
 
+def instanced(made, **attributes):
+    """The extension of a node whose mesh is there several times."""
+    return {"EXT_mesh_gpu_instancing": {"attributes": {name: made.add(rows) for name, rows in attributes.items()}}}
+
+
+def test_instances_stand_where_they_are_placed(tmp_path):
+    made = Writer()
+    places = instanced(
+        made, TRANSLATION=[[0, 0, 0], [0, 5, 0]], ROTATION=[STILL, QUARTER], SCALE=[[1, 1, 1], [2, 1, 1]]
+    )
+    nodes = [{"mesh": 0, "extensions": places, "translation": [0, 0, 9]}, {"mesh": 0}]
+    clip = made.clip((0, "translation", [0, 1], [[0, 0, 9], [0, 0, 8]]))
+    path = made.write(
+        tmp_path / "many.gltf",
+        meshes=[made.mesh(TRIANGLE)],
+        nodes=nodes,
+        animations=[clip],
+        extensionsUsed=["EXT_mesh_gpu_instancing"],
+        extensionsRequired=["EXT_mesh_gpu_instancing"],
+    )
+    second = [[0, 7, 9], [0, 11, 9], [0, 7, 10]]
+    scene = load(path)
+    close(scene.positions, [*np.add(TRIANGLE, [[0, 0, 9]]), *second, *TRIANGLE])
+    assert scene.object_id.tolist() == [0, 1, 2]
+    animation = load_animation(path)
+    np.testing.assert_array_equal(animation.scene.positions, scene.positions)
+    close(animation.at(1.0).positions, [*np.add(TRIANGLE, [[0, 0, 8]]), *np.subtract(second, [[0, 0, 1]]), *TRIANGLE])
+
+
+def test_instances_need_a_row_of_everything_for_each(tmp_path):
+    made = Writer()
+    places = instanced(made, TRANSLATION=[[0, 0, 0], [0, 5, 0]], SCALE=[[1, 1, 1]])
+    path = made.write(tmp_path / "a.gltf", meshes=[made.mesh(TRIANGLE)], nodes=[{"mesh": 0, "extensions": places}])
+    with pytest.raises(um.ModelError, match=r"with a row for each instance, got \[1, 2\] rows"):
+        load(path)
+
+
+def test_a_skin_and_instances_contradict_each_other(tmp_path):
+    path = arm(tmp_path / "arm.gltf")
+    tree = json.loads(path.read_text())
+    tree["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}
+    path.write_text(json.dumps(tree))
+    with pytest.raises(um.ModelError, match="has a skin and instances"):
+        load_animation(path)
+
+
 def test_mirror_images_keep_their_outer_side(tmp_path):
     made = Writer()
     mesh = made.mesh(TRIANGLE, NORMAL=made.add([[0, -1, 0]] * 3))

@@ -166,7 +166,14 @@ CHANGES = {
         "extension KHR_draco_mesh_compression",
     ),
     "meshopt": (put("extensionsRequired", ["EXT_meshopt_compression"]), "extension EXT_meshopt_compression"),
-    "instancing": (put("extensionsUsed", ["EXT_mesh_gpu_instancing"]), "extension EXT_mesh_gpu_instancing"),
+    "instances of nothing": (
+        put("nodes", 0, "extensions", {"EXT_mesh_gpu_instancing": {"attributes": {}}}),
+        "wanted TRANSLATION, ROTATION or SCALE, with a row for each instance, got [] rows",
+    ),
+    "instances that are no rotations": (
+        put("nodes", 0, "extensions", {"EXT_mesh_gpu_instancing": {"attributes": {"ROTATION": 0}}}),
+        "ROTATION: wanted rows of 4 finite numbers",
+    ),
 }
 for outside in ("/etc/passwd", "../secret.bin", "a/../../secret.bin", "http://x.org/a.bin", "file:///etc/passwd",
                 "C:\\a.bin", "..\\secret.bin", "%2e%2e/secret.bin", "\\\\host\\a.bin"):  # fmt: skip

@@ -83,16 +83,17 @@ class Skin(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """Vertices `(n, 3)`, with or without normals, that a node carries, or a skin."""
+    """Vertices `(n, 3)`, with or without normals, that a node carries, `within (4, 4)` of it, or a skin."""
 
     positions: Floats
     normals: Floats | None
     node: int
+    within: Floats
     skin: Skin | None
 
     def at(self, world: Floats) -> tuple[Floats, Floats | None]:
         """Positions and normals in the world."""
-        matrix = world[self.node] if self.skin is None else self.skin.at(world)
+        matrix = world[self.node] @ self.within if self.skin is None else self.skin.at(world)
         return transformed(self.positions, self.normals, matrix)
 
 

@@ -3,7 +3,7 @@
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -164,8 +164,8 @@ class Scene:
         """
         points = _per_vertex(positions, len(self.positions), 3, "positions")
         made = object.__new__(Scene)
-        made.__dict__.update({name: value for name, value in self.__dict__.items() if name != "bounds"})
-        made.__dict__["positions"] = points
+        shared = {field.name: getattr(self, field.name) for field in fields(self)}
+        made.__dict__.update(shared | {"positions": points})
         if normals is not None:
             made.__dict__["normals"] = _per_vertex(normals, len(self.positions), 3, "normals")
         return made

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from umbrae.errors import ModelError
 from umbrae.formats.gltf_document import Document, Entry
+from umbrae.formats.gltf_instances import AT_REST, instances_of
 from umbrae.formats.part import Part, joined
 from umbrae.formats.resources import Folder
 from umbrae.geometry.transforms import composed
@@ -25,14 +26,12 @@ from umbrae.material import AlphaMode, Material
 from umbrae.memory import require
 from umbrae.scene import Scene
 
-AT_REST = {"translation": [0.0, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0], "scale": [1.0, 1.0, 1.0]}
-"""What places a node, and what it is where the file says nothing."""
 _PLACING = {"matrix", *AT_REST}
 _POINTS_AND_LINES, _TRIANGLES, _STRIP, _FAN = range(4), 4, 5, 6
 
 
 def read_gltf(data: bytes, folder: Folder) -> Scene:
-    """The default scene of the file; every node with a mesh is an object."""
+    """The default scene of the file; every node with a mesh, or every instance there, is an object."""
     document = Document(data, folder)
     placements = placements_of(document)
     meshes = read_meshes(document, placements)
@@ -46,15 +45,16 @@ def read_gltf(data: bytes, folder: Folder) -> Scene:
 
 
 class Placement(NamedTuple):
-    """A node of the scene with a mesh; `matrix` `(4, 4)` is node to world."""
+    """A mesh at a node of the scene; `within` `(4, 4)` is mesh to node, `matrix` mesh to world."""
 
     node: int
     mesh: int
+    within: NDArray[np.float64]
     matrix: NDArray[np.float64]
 
 
 def placements_of(document: Document) -> list[Placement]:
-    """Every node of the scene that has a mesh."""
+    """Every node of the scene that has a mesh, as often as it has it."""
     nodes = document.items("nodes")
     children = [node.wholes("children") for node in nodes]
     if document.items("scenes"):
@@ -75,7 +75,7 @@ def placements_of(document: Document) -> list[Placement]:
         if "mesh" in node:
             mesh = node.whole("mesh")
             document.item("meshes", mesh, node.path("mesh"))
-            found.append(Placement(index, mesh, world))
+            found += [Placement(index, mesh, each, world @ each) for each in instances_of(document, node)]
         queue += [(child, world, node.path("children")) for child in reversed(children[index])]
     return found
 

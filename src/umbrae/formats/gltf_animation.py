@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from umbrae.animation import Animation, Piece, Skeleton, Skin, Track
 from umbrae.errors import ModelError
-from umbrae.formats.gltf import AT_REST, attribute, local_matrix, placements_of, read_meshes
+from umbrae.formats.gltf import attribute, local_matrix, placements_of, read_meshes
 from umbrae.formats.gltf_document import Document, Entry
+from umbrae.formats.gltf_instances import AT_REST, EXTENSION
 from umbrae.formats.part import Part, joined
 from umbrae.formats.resources import Folder
 from umbrae.geometry.keyframes import CUBIC, LINEAR, STEP, Keyframes
@@ -36,10 +37,10 @@ def read_animation(data: bytes, folder: Folder, name: str | None) -> Animation:
             if not len(part.triangles):
                 continue
             skin = _skin(document, placement.node, primitive, part, len(world))
-            piece = Piece(part.positions, part.normals, placement.node, skin)
+            piece = Piece(part.positions, part.normals, placement.node, placement.within, skin)
             pieces.append(piece)
             # Bones say nothing about windings: a mesh with a skin keeps its own.
-            placed = part.placed(world[placement.node] if skin is None else np.eye(4), object_id)
+            placed = part.placed(np.eye(4) if skin is not None else world[placement.node] @ placement.within, object_id)
             placed.positions, placed.normals = piece.at(world)
             parts.append(placed)
     duration = max(float(keyframes.times[-1]) for keyframes in channels.values())
@@ -91,24 +92,16 @@ def _keyframes(document: Document, sampler: Entry, path: str) -> Keyframes:
     interpolation = sampler.text("interpolation", LINEAR)
     if interpolation not in (LINEAR, STEP, CUBIC):
         raise ModelError(f"{sampler.path('interpolation')}: wanted LINEAR, STEP or CUBICSPLINE, got {interpolation!r}")
-    times = _numbers(document, sampler, "input", 1)[:, 0]
+    times = document.numbers(sampler, "input", 1)[:, 0]
     if not len(times) or times[0] < 0 or (np.diff(times) <= 0).any():
         raise ModelError(f"{sampler.path('input')}: wanted seconds from 0 that increase, at least one")
     width, per_key = len(AT_REST[path]), 3 if interpolation == CUBIC else 1
-    values = _numbers(document, sampler, "output", width)
+    values = document.numbers(sampler, "output", width)
     if len(values) != per_key * len(times):
         raise ModelError(f"{sampler.path('output')}: wanted {per_key * len(times)} values, got {len(values)}")
     if interpolation == CUBIC:
         values = values.reshape(len(times), 3, width)
     return Keyframes(times, values, interpolation, path == "rotation")
-
-
-def _numbers(document: Document, entry: Entry, name: str, width: int) -> NDArray[np.float64]:
-    """An accessor's rows of so many finite numbers."""
-    rows = document.accessor(entry.whole(name), entry.path(name)).astype(np.float64)
-    if rows.shape[1] != width or not np.isfinite(rows).all():
-        raise ModelError(f"{entry.path(name)}: wanted rows of {width} finite numbers, got {rows.shape}")
-    return rows
 
 
 def _skeleton(document: Document, channels: Channels) -> Skeleton:
@@ -154,13 +147,15 @@ def _skin(document: Document, node: int, primitive: Entry, part: Part, nodes: in
     where, names = document.items("nodes")[node], primitive.entry("attributes")
     if "skin" not in where or "JOINTS_0" not in names:
         return None
+    if EXTENSION in where.entry("extensions"):
+        raise ModelError(f"{where.where}: has a skin and instances, which say different things about where it is")
     entry = document.item("skins", where.whole("skin"), where.path("skin"))
     joints = np.array(entry.wholes("joints"), np.int64)
     if not len(joints) or joints.max() >= nodes:
         raise ModelError(f"{entry.path('joints')}: wanted some of {nodes} nodes, got {joints.tolist()[:8]}")
     inverse = np.tile(np.eye(4), (len(joints), 1, 1))
     if "inverseBindMatrices" in entry:
-        rows = _numbers(document, entry, "inverseBindMatrices", 16)
+        rows = document.numbers(entry, "inverseBindMatrices", 16)
         if len(rows) < len(joints):
             raise ModelError(f"{entry.path('inverseBindMatrices')}: wanted {len(joints)} matrices, got {len(rows)}")
         inverse = rows[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)
