@@ -61,11 +61,11 @@ def town(rng: np.random.Generator, houses: int = 1500, size: float = 100.0) -> S
 def test_masks_stay_on_a_flight_through_a_town_with_moving_houses_and_lights(method):
     rng = np.random.default_rng(1)
     scene = town(rng)
-    most = 0
+    caster, most = make_method(method).prepare(scene), 0
     for frame in range(6):
         moved = scene.positions.copy()
         moved[: 8 * 700] += np.float32(2 * np.sin(frame)) * np.array((1, 0, 0.5), np.float32)
-        now = Scene(moved, scene.triangles)
+        now = scene.moved(moved)
         eye = np.array((-80 + 30 * frame, 1.7 if frame % 2 else 25.0, 10 * np.cos(frame)))
         camera = Camera.look_at(eye, np.add(eye, (20, -2 - 6 * (frame % 2 == 0), 5)), width=96, height=54)
         samples = sample(now, camera)
@@ -75,9 +75,12 @@ def test_masks_stay_on_a_flight_through_a_town_with_moving_houses_and_lights(met
             Light.point(np.add(eye, (3 * np.cos(turn), 4, 3 * np.sin(turn)))),
             Light.point((150, 90 - 20 * frame, -50)),
         )
+        caster.follow(now)
         for light in lights:
             culled, all_of_them = both(now, light, samples, method)
             same(culled, all_of_them)
+            # Boxes move with the vertices.
+            same(caster.shadow(light, samples), all_of_them)
             most = max(most, culled.stats["culled"])
     assert most > 0.9 * len(scene.triangles)
 

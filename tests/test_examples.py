@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from animated import turning
+
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SAYS = {
     "hello_shadow": r"pavilion\.png: \d+% of what is seen lies in shadow, guarantee: exact\n",
+    "moving_cloth": r"(frame \d: \d\d\.\d% of the floor in shadow\n){4}",
     "overdraw": r"updates or tests( +\d+ x +\d+){2}\n((z-pass|z-fail|frustum) +[\d,]+ +[\d,]+\n){3}",
     "sensors": r"(#{8}\n){4}(\.{8}\n){8}on the wall: 33% in shadow\nin front of it: 17% in shadow\n",
     "smooth_shadows": r"((discrete|accurate): \d{4} samples of the floor are not as under a fine mesh\n){2}"
@@ -58,6 +61,11 @@ def test_readme(capsys):
 @pytest.mark.parametrize("page", ["docs/light.md", "docs/smooth.md"])
 def test_page(page):
     run_python_in(page)
+
+
+def test_page_on_animation():
+    turning(Path("fox.glb"))
+    run_python_in("docs/animation.md")
 
 
 def test_readme_names_every_command_and_method():

@@ -144,7 +144,7 @@ CHANGES = {
     "offset beyond view": (put("accessors", 0, "byteOffset", 10**9), "overrun bufferView"),
     "buffer beyond file": (put("buffers", 0, "byteLength", 10**9), "wanted 1000000000"),
     "stride of nothing": (put("bufferViews", 1, "byteStride", 2), "do not fit a stride of 2"),
-    "other type": (put("accessors", 0, "type", "MAT4"), "'MAT4' of component type 5126"),
+    "other type": (put("accessors", 0, "type", "MAT3"), "'MAT3' of component type 5126"),
     "other component": (put("accessors", 0, "componentType", 5124), "component type 5124"),
     "fewer normals": (put("accessors", 1, "count", 1), "wanted 3 rows (as POSITION has)"),
     "floats for indices": (put("meshes", 0, "primitives", 0, "indices", 0), "wanted unsigned whole numbers"),
@@ -166,7 +166,14 @@ CHANGES = {
         "extension KHR_draco_mesh_compression",
     ),
     "meshopt": (put("extensionsRequired", ["EXT_meshopt_compression"]), "extension EXT_meshopt_compression"),
-    "instancing": (put("extensionsUsed", ["EXT_mesh_gpu_instancing"]), "extension EXT_mesh_gpu_instancing"),
+    "instances of nothing": (
+        put("nodes", 0, "extensions", {"EXT_mesh_gpu_instancing": {"attributes": {}}}),
+        "wanted TRANSLATION, ROTATION or SCALE, with a row for each instance, got [] rows",
+    ),
+    "instances that are no rotations": (
+        put("nodes", 0, "extensions", {"EXT_mesh_gpu_instancing": {"attributes": {"ROTATION": 0}}}),
+        "ROTATION: wanted rows of 4 finite numbers",
+    ),
 }
 for outside in ("/etc/passwd", "../secret.bin", "a/../../secret.bin", "http://x.org/a.bin", "file:///etc/passwd",
                 "C:\\a.bin", "..\\secret.bin", "%2e%2e/secret.bin", "\\\\host\\a.bin"):  # fmt: skip

@@ -23,7 +23,7 @@ LAYERS = [
     {"sampling"},
     {"files"},
     {"formats"},
-    {"image", "mask", "samples", "projection", "camera", "light", "scene", "material", "transmission"},
+    {"animation", "image", "mask", "samples", "projection", "camera", "light", "scene", "material", "transmission"},
     {"gl", "geometry"},
     {"memory", "parallel", "clock", "checks"},
     {"errors"},
@@ -83,7 +83,7 @@ def test_imports_point_down(path):
 
 def test_importing_the_package_brings_no_optional_part():
     # Not embreex: trimesh imports it by itself where it is installed.
-    optional = ("OpenGL", "moderngl", "mitsuba", "pvlib", "pandas", "cmap", "typer", "rich")
+    optional = ("OpenGL", "moderngl", "mitsuba", "pvlib", "pandas", "cmap", "typer", "rich", "imageio", "av")
     code = f"import sys, umbrae; print([name for name in {optional} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

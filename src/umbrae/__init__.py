@@ -1,5 +1,6 @@
 """Exact shadows of arbitrary triangle soups."""
 
+from umbrae.animation import Animation
 from umbrae.camera import Camera
 from umbrae.clock import Clock
 from umbrae.errors import (
@@ -12,7 +13,7 @@ from umbrae.errors import (
     RecentredWarning,
     UmbraeError,
 )
-from umbrae.files import load, save
+from umbrae.files import load, load_animation, save
 from umbrae.image import Image
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
@@ -29,6 +30,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "METHODS",
+    "Animation",
     "Camera",
     "CapacityError",
     "Caster",
@@ -51,6 +53,7 @@ __all__ = [
     "Verdict",
     "ViewSamples",
     "load",
+    "load_animation",
     "render",
     "sample",
     "sample_layers",

@@ -1,13 +1,14 @@
 """The eye that looks at a scene."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.checks import Vector, instance, number, vector, whole
 from umbrae.errors import InputError
+from umbrae.geometry.transforms import turning
 from umbrae.scene import Scene
 
 MAX_SIDE_PX = 1 << 16
@@ -113,6 +114,12 @@ class Camera:
         target = center + x * axes[0] + y * axes[1]
         eye = target + toward * distance
         return cls.look_at(eye, target, up_axis, fov_y, width, height, near=1e-3 * distance)
+
+    def turned(self, about: Vector, axis: Vector, degrees: float) -> "Camera":
+        """The camera carried around an axis through a point, counter-clockwise where the axis comes towards one."""
+        center = vector(about, "Camera.turned: about")
+        turn = turning(_unit(axis), number(degrees, "Camera.turned: degrees"))
+        return replace(self, eye=center + turn @ (self.eye - center), axes=self.axes @ turn.T)
 
     @property
     def pixel_size(self) -> float:

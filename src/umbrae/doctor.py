@@ -26,6 +26,7 @@ EXTRAS = {
     "gl": ("moderngl", "PyOpenGL"),
     "sun": ("pvlib", "pandas", "cmap"),
     "bench": ("mitsuba", "embreex"),
+    "video": ("imageio", "av"),
 }
 """Optional packages by the extra that brings them, as in pyproject.toml."""
 _SUBGROUP_SIZE = 0x9532  # GL_SUBGROUP_SIZE_KHR

@@ -3,35 +3,44 @@
 import os
 import secrets
 import stat
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
+from PIL.PngImagePlugin import PngInfo
 
+from umbrae.animation import Animation
 from umbrae.checks import instance, shown
 from umbrae.clock import Clock
 from umbrae.errors import CapacityError, InputError, ModelError, OutputError
 from umbrae.formats.glb import write_glb
 from umbrae.formats.gltf import read_gltf
+from umbrae.formats.gltf_animation import animation_names, read_animation
 from umbrae.formats.meshes import read_ply, read_stl, scene_from_trimesh, write_ply, write_stl
 from umbrae.formats.obj import read_obj, write_obj
 from umbrae.formats.resources import Folder
+from umbrae.formats.video import write_mp4
 from umbrae.scene import Scene
 
 __all__ = [
+    "CLIPS",
     "IMAGES",
     "MODELS",
     "SCALAR_MODELS",
     "check_readable",
     "check_writable",
     "load",
+    "load_animation",
+    "load_image",
     "load_text",
+    "names_of_animations",
     "save",
     "save_arrays",
+    "save_clip",
     "save_image",
     "save_table",
     "save_text",
@@ -39,6 +48,9 @@ __all__ = [
 ]
 
 AnyPath = str | os.PathLike[str]
+_Model = TypeVar("_Model")
+_ANIMATED = (".glb", ".gltf")
+_MADE_OF = "umbrae"
 _ROWS = 1 << 14
 """Rows of a table that are turned into text at a time."""
 
@@ -74,6 +86,8 @@ SCALAR_MODELS = tuple(_SCALAR_WRITERS)
 """Extensions of models that keep numbers per vertex."""
 IMAGES = tuple(_IMAGES)
 """Extensions of pictures that `save_image` writes."""
+CLIPS = (".mp4",)
+"""Extensions of clips that `save_clip` writes."""
 
 
 def load(path: AnyPath, clock: Clock | None = None, outputs: Collection[AnyPath] = ()) -> Scene:
@@ -104,9 +118,55 @@ def load(path: AnyPath, clock: Clock | None = None, outputs: Collection[AnyPath]
     UserWarning
         When a material library of an OBJ file is missing; its materials are then grey.
     """
+    return _read(path, check_readable(path), clock, outputs)
+
+
+def load_animation(
+    path: AnyPath, name: str | None = None, clock: Clock | None = None, outputs: Collection[AnyPath] = ()
+) -> Animation:
+    """Read an animation of a glTF or GLB file: nodes that move, and skins that follow them.
+
+    Parameters
+    ----------
+    path, clock, outputs
+        As for `load`.
+    name
+        Which animation; the file's first one by default.
+
+    Raises
+    ------
+    ModelError, OutputError, CapacityError
+        As for `load`; also for a file without animations, without one of that name, or that moves morph targets.
+
+    Warns
+    -----
+    UserWarning
+        When the file moves cameras, lights or materials, which are not followed.
+    """
+    check_readable(path)
+    if Path(path).suffix.lower() not in _ANIMATED:
+        raise ModelError(f"{path}: has no animations: wanted one of {' '.join(_ANIMATED)}")
+    return _read(path, lambda data, folder: read_animation(data, folder, name), clock, outputs)
+
+
+def names_of_animations(path: AnyPath) -> tuple[str, ...]:
+    """What the animations of a model are called, in the file's order; none for a model that stands still.
+
+    Raises
+    ------
+    ModelError, CapacityError
+        As for `load`.
+    """
+    check_readable(path)
+    return _read(path, animation_names, None, ()) if Path(path).suffix.lower() in _ANIMATED else ()
+
+
+def _read(
+    path: AnyPath, reader: Callable[[bytes, Folder], _Model], clock: Clock | None, outputs: Collection[AnyPath]
+) -> _Model:
+    """What a reader makes of a file; whatever goes wrong is one of the errors of `load`."""
     file = _path(path)
     with (clock or Clock()).span("load"), np.errstate(all="ignore"):
-        reader = check_readable(path)
         try:
             data = file.read_bytes()
         except OSError as error:
@@ -160,13 +220,15 @@ def save(scene: Scene, path: AnyPath, scalars: _Scalars | None = None) -> None:
         stream.write(data)
 
 
-def save_image(path: AnyPath, pixels: NDArray[Any]) -> None:
+def save_image(path: AnyPath, pixels: NDArray[Any], made_of: str = "") -> None:
     """Write a picture, whole or not at all; the extension chooses the format.
 
     Parameters
     ----------
     pixels
         `(h, w, 3) uint8`, or one channel: `(h, w) uint8`, or `(h, w) bool` for a mask (white is true).
+    made_of
+        What the picture was made of, in a few words; kept in PNG files, for `load_image`.
 
     Raises
     ------
@@ -178,12 +240,41 @@ def save_image(path: AnyPath, pixels: NDArray[Any]) -> None:
     if values.dtype != np.uint8 or not (values.ndim == 2 or (values.ndim == 3 and values.shape[2] == 3)):
         raise InputError(f"save_image: wanted (h, w, 3) or (h, w) uint8 or bool, got {pixels.shape} {pixels.dtype}")
     kind = _IMAGES[Path(path).suffix.lower()]
-    options = {"quality": 95} if kind in ("JPEG", "WEBP") else {}
+    options: dict[str, Any] = {"quality": 95} if kind in ("JPEG", "WEBP") else {}
+    if made_of and kind == "PNG":
+        options["pnginfo"] = PngInfo()
+        options["pnginfo"].add_text(_MADE_OF, made_of)
     with _whole(path) as stream:
         try:
             PillowImage.fromarray(values).save(stream, kind, **options)
         except (ValueError, SystemError) as error:
             raise OutputError(f"{path}: cannot be written as {kind}: {_line(error)}") from error
+
+
+def load_image(path: AnyPath, made_of: str) -> NDArray[np.uint8] | None:
+    """The pixels of a whole PNG file that `save_image` has written, `made_of` the same; None for anything else."""
+    try:
+        with PillowImage.open(_path(path)) as picture:
+            if getattr(picture, "text", {}).get(_MADE_OF) == made_of:
+                return np.asarray(picture)
+    except Exception:
+        pass  # whatever is wrong with it, it is to be made anew
+    return None
+
+
+def save_clip(path: AnyPath, pictures: Iterable[NDArray[np.uint8]], fps: float) -> None:
+    """Write pictures `(h, w, 3) uint8` of one even size as a clip (H.264), whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        For another extension than .mp4, or a path that cannot be written.
+    OptionError
+        Without imageio and PyAV.
+    """
+    check_writable(path, CLIPS)
+    with _whole(path) as stream:
+        write_mp4(stream, pictures, fps)
 
 
 def save_arrays(path: AnyPath, **arrays: NDArray[Any]) -> None:

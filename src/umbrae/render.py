@@ -10,7 +10,7 @@ from umbrae.errors import InputError, OptionError
 from umbrae.image import Image
 from umbrae.light import Light
 from umbrae.memory import require
-from umbrae.methods import Method, cast_shadow, make_method
+from umbrae.methods import Caster, Method, cast_shadow, make_method
 from umbrae.methods.area_average import AREA_LIGHTS
 from umbrae.methods.frustum_cpu import BLOCK
 from umbrae.samples import ViewSamples
@@ -45,6 +45,7 @@ def render(
     antialiasing: str = "samples",
     filter_width: float = 1.0,
     smooth_outlines: int = 1,
+    caster: Caster | None = None,
 ) -> Image:
     """Make a picture with shadows: sample what the camera sees, decide the shadows, shade.
 
@@ -79,11 +80,15 @@ def render(
     smooth_outlines
         A level above 1 shows meshes with smooth normals as if each side were cut into so many pieces, on a curved
         surface (`sample_tessellated`). Shadows stay those of the mesh, by methods that take samples without a depth.
+    caster
+        One that `method` has prepared for a scene of which this one is a moved copy (`Scene.moved`): it follows, and
+        what triangles alone decide is not found anew.
 
     Raises
     ------
     InputError
-        For no lights, an up vector of zero, or smooth outlines of a scene that lets light through.
+        For no lights, an up vector of zero, smooth outlines of a scene that lets light through, or the caster of
+        another scene.
     OptionError
         For an unknown method or kind of antialiasing, samples per pixel or layers that are not a whole number from 1,
         a seed that is none from 0, a filter width that is not positive, or smooth outlines of a level that is none,
@@ -115,7 +120,10 @@ def render(
             found = sample_layers(scene, camera, layers, samples_per_pixel, clock)
     _require(scene, camera, shining, found, algorithm)
     with clock.span("prepare"):
-        caster = algorithm.prepare(scene, clock)
+        if caster is None:
+            caster = algorithm.prepare(scene, clock)
+        elif caster.scene is not scene:
+            caster.follow(scene, clock)
     masks = []
     for layer in found:
         of_layer = []

@@ -3,7 +3,7 @@
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +17,10 @@ from umbrae.material import Material
 
 _FAR_FROM_ZERO = 16.0
 """Recentre when the largest coordinate exceeds this many times the extent: 4 of float32's 24 bits would be lost."""
+
+
+class Family:
+    """What a scene has in common with its moved copies: caches of what does not depend on positions hang on to it."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -47,6 +51,11 @@ class Scene:
     origin
         `(3,)` float64 world position of the coordinate system's zero.
 
+    Attributes
+    ----------
+    family
+        The same object for this scene and all that `moved` makes of it.
+
     Raises
     ------
     InputError
@@ -63,6 +72,7 @@ class Scene:
     colors: NDArray[np.float32] | None
     object_id: NDArray[np.int32]
     origin: NDArray[np.float64]
+    family: Family
 
     def __init__(
         self,
@@ -118,6 +128,7 @@ class Scene:
             raise InputError(f"Scene.colors: wanted numbers in [0, 1], got {low:g} to {high:g}")
         put(self, "object_id", _frozen(_per_triangle(object_id, count, "object_id")))
         put(self, "origin", _frozen(zero + shift))
+        put(self, "family", Family())
 
     @classmethod
     def from_trimesh(cls, mesh: Any) -> "Scene":
@@ -135,6 +146,29 @@ class Scene:
         used[self.triangles.reshape(-1)] = True
         points = self.positions[used]
         return _frozen(np.stack([points.min(axis=0), points.max(axis=0)]))
+
+    def moved(self, positions: ArrayLike, normals: ArrayLike | None = None) -> "Scene":
+        """The same triangles with their vertices elsewhere; everything else is shared, not copied.
+
+        Parameters
+        ----------
+        positions
+            `(v, 3)` in the scene's own coordinates, which stay where they are: they are never recentred.
+        normals
+            `(v, 3)` those that belong to them; by default the scene's, as they are.
+
+        Raises
+        ------
+        InputError
+            For arrays of another shape, or coordinates that a scene does not take.
+        """
+        points = _per_vertex(positions, len(self.positions), 3, "positions")
+        made = object.__new__(Scene)
+        shared = {field.name: getattr(self, field.name) for field in fields(self)}
+        made.__dict__.update(shared | {"positions": points})
+        if normals is not None:
+            made.__dict__["normals"] = _per_vertex(normals, len(self.positions), 3, "normals")
+        return made
 
     def opaque(self) -> "Scene":
         """The same scene with every material opaque: no holes, nothing seen through, nothing lets light through."""

@@ -20,7 +20,7 @@ from umbrae.light import Light
 from umbrae.mask import ShadowMask
 from umbrae.parallel import run
 from umbrae.samples import ViewSamples
-from umbrae.scene import Scene
+from umbrae.scene import Family, Scene
 
 _ROWS_PER_TASK = 16
 
@@ -154,21 +154,32 @@ def _check(camera: Camera, lights: tuple[Light, ...], samples: ViewSamples, mask
             raise InputError(f"shade: mask {number} has shares of shape {mask.partial.shape}, wanted {wanted}")
 
 
-# Textures are prepared once per scene, not once per picture.
-_SURFACES: WeakKeyDictionary[Scene, Surface] = WeakKeyDictionary()
+# Textures are prepared once per scene, wherever it is moved, not once per picture.
+_SURFACES: WeakKeyDictionary[Family, Surface] = WeakKeyDictionary()
 
 
 def _surface(scene: Scene) -> Surface:
-    if scene not in _SURFACES:
-        _SURFACES[scene] = _prepare_surface(scene)
-    return _SURFACES[scene]
+    kept = _SURFACES.get(scene.family)
+    if kept is None:
+        kept = _prepare_surface(scene)
+    elif kept.positions is not scene.positions:
+        kept = kept._replace(**_placed(scene))
+    _SURFACES[scene.family] = kept
+    return kept
+
+
+def _placed(scene: Scene) -> dict[str, NDArray[Any]]:
+    """What of a surface moves with the scene's vertices."""
+    normals = _rows(scene.normals, 3)
+    first = first_alike(scene.positions, normals) if len(normals) else np.zeros(0, np.int32)
+    return {"positions": scene.positions, "normals": normals, "first": first}
+
+
+def _rows(values: NDArray[np.float32] | None, width: int) -> NDArray[np.float32]:
+    return _read_only(np.zeros((0, width), np.float32)) if values is None else values
 
 
 def _prepare_surface(scene: Scene) -> Surface:
-    def rows(values: NDArray[np.float32] | None, width: int) -> NDArray[np.float32]:
-        return _read_only(np.zeros((0, width), np.float32)) if values is None else values
-
-    normals = rows(scene.normals, 3)
     # Materials often share a texture: its levels are made once, and `pack` stores one array once.
     wanted = {}
     for material in scene.materials:
@@ -180,21 +191,19 @@ def _prepare_surface(scene: Scene) -> Surface:
     levels = np.array([len(chain) for chain in chains], np.int64)
     textures = pack([level for chain in chains for level in chain])
     return Surface(
-        scene.positions,
-        scene.triangles,
-        normals,
-        first_alike(scene.positions, normals) if len(normals) else np.zeros(0, np.int32),
-        rows(scene.colors, 4),
-        rows(scene.uv, 2),
-        _read_only(scene.material_id),
-        np.array([material.base_color for material in scene.materials], np.float64),
-        np.array([material.alpha_mode == "BLEND" for material in scene.materials]),
-        np.array([material.transmission for material in scene.materials], np.float64),
-        textures.texels,
-        textures.offset,
-        textures.size,
-        np.cumsum(levels) - levels,
-        levels,
+        **_placed(scene),
+        triangles=scene.triangles,
+        colors=_rows(scene.colors, 4),
+        uv=_rows(scene.uv, 2),
+        material_id=_read_only(scene.material_id),
+        base_color=np.array([material.base_color for material in scene.materials], np.float64),
+        blended=np.array([material.alpha_mode == "BLEND" for material in scene.materials]),
+        transmitted=np.array([material.transmission for material in scene.materials], np.float64),
+        texels=textures.texels,
+        offset=textures.offset,
+        size=textures.size,
+        slot=np.cumsum(levels) - levels,
+        levels=levels,
     )
 
 

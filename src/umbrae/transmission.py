@@ -15,7 +15,7 @@ from umbrae.errors import InputError
 from umbrae.geometry.texture import SRGB_TO_LINEAR, fetch, pack
 from umbrae.material import Material
 from umbrae.parallel import expand
-from umbrae.scene import Scene
+from umbrae.scene import Family, Scene
 
 SOLID, CLEAR, EVEN, VARYING = range(4)
 """Kinds of triangles: nothing passes anywhere, everything does, the same everywhere, or it depends on the place."""
@@ -69,8 +69,8 @@ class Transmission(NamedTuple):
     size: NDArray[np.int64]
 
 
-# Textures are looked through once per scene: sampling, shadows and shading all ask.
-_TABLES: WeakKeyDictionary[Scene, Transmission | None] = WeakKeyDictionary()
+# Textures are looked through once per scene: sampling, shadows and shading all ask. Moving it changes nothing.
+_TABLES: WeakKeyDictionary[Family, Transmission | None] = WeakKeyDictionary()
 
 
 def transmission_of(scene: Scene) -> Transmission | None:
@@ -81,9 +81,9 @@ def transmission_of(scene: Scene) -> Transmission | None:
     InputError
         When it depends on the place in a texture, and the scene has no texture coordinates.
     """
-    if scene not in _TABLES:
-        _TABLES[scene] = _table(scene)
-    return _TABLES[scene]
+    if scene.family not in _TABLES:
+        _TABLES[scene.family] = _table(scene)
+    return _TABLES[scene.family]
 
 
 def _table(scene: Scene) -> Transmission | None:

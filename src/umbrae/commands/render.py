@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -11,6 +11,7 @@ from umbrae import arguments, files, outputs
 from umbrae.arguments import Size
 from umbrae.clock import Clock
 from umbrae.commands.figure import Show, check, figure, kind_of, picture_height
+from umbrae.commands.film import Frames, Shot, film_of, frames_of
 from umbrae.commands.model import load, note_if_nothing_is_seen, note_if_nothing_is_smooth
 from umbrae.console import ConsoleClock, note, print_json
 from umbrae.errors import OptionError
@@ -113,6 +114,21 @@ def render(
         int, typer.Option(min=1, metavar="LEVEL", help="Cut curved sides into so many pieces, for what is seen alone.")
     ] = 1,
     smooth_normals: SmoothNormals = None,
+    frames: Annotated[
+        Frames | None,
+        typer.Option(
+            parser=frames_of,
+            metavar="A:B[:STEP]",
+            help="Frames of an animation, from A and before B, as frame_%04d.png or clip.mp4 (-o).",
+        ),
+    ] = None,
+    fps: Annotated[float | None, typer.Option(metavar="N", help="Frames per second; 30.")] = None,
+    animation: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Which of the model's animations; the first one.")
+    ] = None,
+    orbit: Annotated[
+        float | None, typer.Option(metavar="DEGREES", help="That the camera goes around the model per second.")
+    ] = None,
     opaque: Opaque = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -147,35 +163,40 @@ def render(
             raise OptionError(f"--show {show} draws a figure, which has no --smooth-outlines")
         check(show, algorithm, len(light) + len(sun), samples_per_pixel, (mask, npz))
         view = Size(size.width, picture_height(show, *size))
+    others = {"--show": show, "--mask": mask, "--npz": npz, "--smooth-normals": smooth_normals}
+    film = film_of(frames, output or Path(f"{model.stem}_%04d.png"), fps, animation, orbit, others)
     picture = output or Path(f"{model.stem}.png")
     mask_paths = outputs.mask_paths(mask, max(1, len(light) + len(sun)))
-    outputs.check(model, [picture, *mask_paths], npz)
-    written = [picture, *mask_paths, *([npz] if npz else [])]
-
-    scene = load(model, clock, written, opaque, smooth_normals)
+    if film is None:
+        outputs.check(model, [picture, *mask_paths], npz)
+        written = [picture, *mask_paths, *([npz] if npz else [])]
+        scene = stage = load(model, clock, written, opaque, smooth_normals)
+    else:
+        film.check(model, size)
+        scene, clip = film.load(model, animation, clock, opaque)
+        stage = film.stage(scene, clip, up)
     note_if_nothing_is_smooth(scene, isinstance(algorithm, SmoothMethod) or smooth_outlines > 1)
-    camera = arguments.camera(scene, view, eye, target, up, fov)
+    camera = arguments.camera(stage, view, eye, target, up, fov)
     lights = arguments.lights(scene, camera, light, sun, up, light_radius, sun_diameter)
     soft = any(one.is_area for one in lights)
     sheer = transmission_of(scene) is not None
     compile_kernels([algorithm], samples_per_pixel, clock, sheer, chances, soft, smooth_outlines)
+    look: dict[str, Any] = {
+        "samples_per_pixel": samples_per_pixel,
+        "up": up,
+        "layers": layers or 8,
+        "stochastic": chances,
+        "antialiasing": antialiasing,
+        "filter_width": filter_width or 1.0,
+        "smooth_outlines": smooth_outlines,
+    }
+    if film is not None:
+        film.shoot(model, scene, clip, Shot(stage, camera, lights, algorithm, look), clock, as_json)
+        return
     if show is not None:
         image = figure(show, scene, camera, lights[0], algorithm, samples_per_pixel, up, clock)
     else:
-        image = um.render(
-            scene,
-            camera,
-            lights,
-            algorithm,
-            samples_per_pixel,
-            up,
-            clock,
-            layers or 8,
-            chances,
-            antialiasing,
-            filter_width or 1.0,
-            smooth_outlines,
-        )
+        image = um.render(scene, camera, lights, algorithm, clock=clock, **look)
     samples = image.samples
     assert samples is not None
     note_if_nothing_is_seen(samples)

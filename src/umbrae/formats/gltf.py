@@ -4,46 +4,57 @@ Read here and not through trimesh, which ignores sparse accessors, leaves normal
 vertex colours to 8 bits, loses the meshes at and below a node with a camera, and drops textures that it
 cannot find without a word.
 
-Skins, morph targets and animation are not applied: meshes stand as they are stored.
+Skins, morph targets and animation are not applied here: meshes stand as they are stored. `gltf_animation` does.
 """
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.errors import ModelError
 from umbrae.formats.gltf_document import Document, Entry
+from umbrae.formats.gltf_instances import AT_REST, instances_of
 from umbrae.formats.part import Part, joined
 from umbrae.formats.resources import Folder
+from umbrae.geometry.transforms import composed
 from umbrae.material import AlphaMode, Material
 from umbrae.memory import require
 from umbrae.scene import Scene
 
-_PLACING = {"matrix", "translation", "rotation", "scale"}
+_PLACING = {"matrix", *AT_REST}
 _POINTS_AND_LINES, _TRIANGLES, _STRIP, _FAN = range(4), 4, 5, 6
 
 
 def read_gltf(data: bytes, folder: Folder) -> Scene:
-    """The default scene of the file; every node with a mesh is an object."""
+    """The default scene of the file; every node with a mesh, or every instance there, is an object."""
     document = Document(data, folder)
-    placements = _placements(document)
-    _check_memory(document, Counter(index for index, _ in placements))
-    meshes = {index: _read_mesh(document, index) for index in {index for index, _ in placements}}
+    placements = placements_of(document)
+    meshes = read_meshes(document, placements)
     return joined(
         [
-            part.placed(matrix, object_id)
-            for object_id, (index, matrix) in enumerate(placements)
-            for part in meshes[index]
+            part.placed(placement.matrix, object_id)
+            for object_id, placement in enumerate(placements)
+            for _, part in meshes[placement.mesh]
         ]
     )
 
 
-def _placements(document: Document) -> list[tuple[int, NDArray[np.float64]]]:
-    """Mesh index and `(4, 4)` world matrix of every node of the scene that has a mesh."""
+class Placement(NamedTuple):
+    """A mesh at a node of the scene; `within` `(4, 4)` is mesh to node, `matrix` mesh to world."""
+
+    node: int
+    mesh: int
+    within: NDArray[np.float64]
+    matrix: NDArray[np.float64]
+
+
+def placements_of(document: Document) -> list[Placement]:
+    """Every node of the scene that has a mesh, as often as it has it."""
     nodes = document.items("nodes")
     children = [node.wholes("children") for node in nodes]
     if document.items("scenes"):
@@ -51,7 +62,7 @@ def _placements(document: Document) -> list[tuple[int, NDArray[np.float64]]]:
         roots, where = scene.wholes("nodes"), f"{scene.where}.nodes"
     else:
         roots, where = sorted(set(range(len(nodes))).difference(*children)), "nodes"
-    found = []
+    found: list[Placement] = []
     seen: set[int] = set()
     queue = [(root, np.eye(4), where) for root in reversed(roots)]
     while queue:
@@ -60,33 +71,20 @@ def _placements(document: Document) -> list[tuple[int, NDArray[np.float64]]]:
         if index in seen:
             raise ModelError(f"{node.where} is reached twice: nodes must form a tree")
         seen.add(index)
-        world = parent @ _matrix(node) if _PLACING & node.fields.keys() else parent
+        world = parent @ local_matrix(node) if _PLACING & node.fields.keys() else parent
         if "mesh" in node:
             mesh = node.whole("mesh")
             document.item("meshes", mesh, node.path("mesh"))
-            found.append((mesh, world))
+            found += [Placement(index, mesh, each, world @ each) for each in instances_of(document, node)]
         queue += [(child, world, node.path("children")) for child in reversed(children[index])]
     return found
 
 
-def _matrix(node: Entry) -> NDArray[np.float64]:
+def local_matrix(node: Entry) -> NDArray[np.float64]:
     """Node to parent, in float64."""
     if "matrix" in node:
         return node.numbers("matrix", np.eye(4).ravel().tolist()).reshape(4, 4).T
-    x, y, z, w = node.numbers("rotation", [0, 0, 0, 1])
-    length = x * x + y * y + z * z + w * w
-    s = 2 / length if length > 0 else 0.0
-    rotation = np.array(
-        [
-            [1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
-            [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],
-            [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)],
-        ]
-    )
-    matrix = np.eye(4)
-    matrix[:3, :3] = rotation * node.numbers("scale", [1, 1, 1])
-    matrix[:3, 3] = node.numbers("translation", [0, 0, 0])
-    return matrix
+    return composed(*(node.numbers(name, at_rest) for name, at_rest in AT_REST.items()))
 
 
 def _check_memory(document: Document, uses: Counter[int]) -> None:
@@ -108,9 +106,15 @@ def _check_memory(document: Document, uses: Counter[int]) -> None:
     require(128 * vertices + 24 * corners, f"a model of up to {corners // 3:,} triangles with all its instances")
 
 
-def _read_mesh(document: Document, index: int) -> list[Part]:
-    primitives = document.items("meshes")[index].entries("primitives")
-    return [part for primitive in primitives if (part := _read_primitive(document, primitive)) is not None]
+def read_meshes(document: Document, placements: Sequence[Placement]) -> dict[int, list[tuple[Entry, Part]]]:
+    """The primitives with triangles of each mesh that is placed, in its own coordinates."""
+    _check_memory(document, Counter(placement.mesh for placement in placements))
+    found = {}
+    for mesh in {placement.mesh for placement in placements}:
+        primitives = document.items("meshes")[mesh].entries("primitives")
+        parts = [(primitive, _read_primitive(document, primitive)) for primitive in primitives]
+        found[mesh] = [(primitive, part) for primitive, part in parts if part is not None]
+    return found
 
 
 def _read_primitive(document: Document, primitive: Entry) -> Part | None:
@@ -120,7 +124,7 @@ def _read_primitive(document: Document, primitive: Entry) -> Part | None:
         return None
     if mode > _FAN:
         raise ModelError(f"{primitive.path('mode')}: wanted 0 to 6, got {mode}")
-    positions = _attribute(document, names, "POSITION", (3,))
+    positions = attribute(document, names, "POSITION", (3,))
     count = len(positions)
     indices = np.arange(count)
     if "indices" in primitive:
@@ -134,9 +138,9 @@ def _read_primitive(document: Document, primitive: Entry) -> Part | None:
     material, info = _material(document, primitive)
     part = Part(positions, _triangles(indices, mode, primitive), material)
     if "NORMAL" in names:
-        part.normals = _attribute(document, names, "NORMAL", (3,), count)
+        part.normals = attribute(document, names, "NORMAL", (3,), count)
     if "COLOR_0" in names:
-        colors = _attribute(document, names, "COLOR_0", (3, 4), count)
+        colors = attribute(document, names, "COLOR_0", (3, 4), count)
         part.colors = np.column_stack([colors, np.ones(count)])[:, :4].clip(0, 1)
     part.uv = _uv(document, names, info, count)
     if "index" in info and part.uv is not None:
@@ -144,7 +148,7 @@ def _read_primitive(document: Document, primitive: Entry) -> Part | None:
     return part.compact()
 
 
-def _attribute(
+def attribute(
     document: Document, names: Entry, name: str, widths: tuple[int, ...], count: int | None = None
 ) -> NDArray[np.float64]:
     rows = document.accessor(names.whole(name), names.path(name))
@@ -178,7 +182,7 @@ def _uv(document: Document, names: Entry, info: Entry, count: int) -> NDArray[np
     angle = moved.number("rotation", 0.0)
     turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
     to_picture = turn * moved.numbers("scale", [1.0, 1.0])
-    rows = _attribute(document, names, name, (2,), count)
+    rows = attribute(document, names, name, (2,), count)
     uv: NDArray[np.float64] = rows @ to_picture.T + moved.numbers("offset", [0.0, 0.0])
     return uv
 

@@ -15,11 +15,14 @@ from numpy.typing import NDArray
 from umbrae.errors import ModelError
 from umbrae.formats.resources import Folder, decode_texture, unquote
 
-_EXTENSIONS = ("KHR_texture_transform", "KHR_mesh_quantization", "KHR_lights_punctual", "EXT_texture_webp")
+_EXTENSIONS = (
+    "KHR_texture_transform", "KHR_mesh_quantization", "KHR_lights_punctual", "EXT_texture_webp",
+    "EXT_mesh_gpu_instancing",
+)  # fmt: skip
 """What a file may require, besides `KHR_materials_*`, which change the look and never the shape."""
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _INDICES = "<u1", "<u2", "<u4"
 
 
@@ -100,8 +103,6 @@ class Document:
         for name in self.root.array("extensionsRequired"):
             if name not in _EXTENSIONS and not str(name).startswith("KHR_materials_"):
                 raise ModelError(f"requires the extension {str(name)[:60]}, which is not supported")
-        if "EXT_mesh_gpu_instancing" in self.root.array("extensionsUsed"):
-            raise ModelError("uses the extension EXT_mesh_gpu_instancing, which is not supported")
         self._lists: dict[str, list[Entry]] = {}
         self._buffers: dict[int, bytes] = {}
         self._accessors: dict[int, NDArray[Any]] = {}
@@ -131,6 +132,13 @@ class Document:
             self._accessors[index] = self._read_accessor(entry)
         return self._accessors[index]
 
+    def numbers(self, entry: Entry, name: str, width: int) -> NDArray[np.float64]:
+        """The accessor that a member of an entry names, as rows of so many finite numbers."""
+        rows = self.accessor(entry.whole(name), entry.path(name)).astype(np.float64)
+        if rows.shape[1] != width or not np.isfinite(rows).all():
+            raise ModelError(f"{entry.path(name)}: wanted rows of {width} finite numbers, got {rows.shape}")
+        return rows
+
     def texture(self, index: int, where: str) -> NDArray[np.uint8]:
         """The picture of a texture, `(h, w, 4) uint8`, the same array for the same picture."""
         texture = self.item("textures", index, where)
@@ -154,7 +162,7 @@ class Document:
         kind, component = entry.text("type", ""), entry.whole("componentType")
         dtype = _COMPONENTS.get(component)
         if kind not in _WIDTHS or dtype is None:
-            raise ModelError(f"{entry.where}: {kind!r} of component type {component} is nothing for meshes")
+            raise ModelError(f"{entry.where}: {kind!r} of component type {component} is nothing for meshes or bones")
         count, width = entry.whole("count"), _WIDTHS[kind]
         sparse = entry.entry("sparse")
         if "bufferView" in entry:

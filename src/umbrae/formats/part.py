@@ -1,12 +1,13 @@
 """Pieces of a model and how they become one scene."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.errors import ModelError
+from umbrae.geometry.transforms import transformed
 from umbrae.material import Material
 from umbrae.scene import Scene
 
@@ -16,7 +17,7 @@ class Part:
     """Triangles of one object and one material, in world coordinates.
 
     `positions (v, 3) float64`, `triangles (t, 3)`, optional `normals (v, 3)`, `uv (v, 2)` and linear
-    `colors (v, 4)`.
+    `colors (v, 4)`. `rows (v,)` are the rows of the file that vertices were read from; None for all of them.
     """
 
     positions: NDArray[np.float64]
@@ -26,21 +27,14 @@ class Part:
     normals: NDArray[np.float64] | None = None
     uv: NDArray[np.float64] | None = None
     colors: NDArray[np.float64] | None = None
+    rows: NDArray[np.intp] | None = None
 
     def placed(self, matrix: NDArray[np.float64], object_id: int) -> "Part":
         """A copy under a `(4, 4)` transform, in float64; a mirror image keeps its outer side outside."""
-        linear = matrix[:3, :3]
-        mirrored = np.linalg.det(linear) < 0
-        positions, normals = self.positions, self.normals
-        # The identity is skipped because adding 0.0 would still turn -0.0 into 0.0.
-        if not np.array_equal(matrix, np.eye(4)):
-            positions = positions @ linear.T + matrix[:3, 3]
-            if normals is not None:
-                normals = normals @ (-_cofactors(linear) if mirrored else _cofactors(linear)).T
-                lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-                normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+        mirrored = np.linalg.det(matrix[:3, :3]) < 0
+        positions, normals = transformed(self.positions, self.normals, matrix)
         triangles = self.triangles[:, ::-1] if mirrored else self.triangles
-        return Part(positions, triangles, self.material, object_id, normals, self.uv, self.colors)
+        return replace(self, positions=positions, triangles=triangles, object_id=object_id, normals=normals)
 
     def compact(self) -> "Part":
         """The same triangles without vertices that none of them uses."""
@@ -48,9 +42,18 @@ class Part:
         used[self.triangles] = True
         if used.all():
             return self
-        rows = [None if rows is None else rows[used] for rows in (self.normals, self.uv, self.colors)]
+        normals, uv, colors = (None if rows is None else rows[used] for rows in (self.normals, self.uv, self.colors))
         renumbered = np.cumsum(used) - 1
-        return Part(self.positions[used], renumbered[self.triangles], self.material, self.object_id, *rows)
+        return Part(
+            self.positions[used],
+            renumbered[self.triangles],
+            self.material,
+            self.object_id,
+            normals,
+            uv,
+            colors,
+            np.flatnonzero(used),
+        )
 
 
 def joined(parts: Sequence[Part]) -> Scene:
@@ -92,11 +95,6 @@ def _attribute(
             np.copyto(rows[start:end], array, where=finite, casting="same_kind")
         start = end
     return rows
-
-
-def _cofactors(m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`det(m) * inverse(m).T`, which also exists for a matrix that flattens."""
-    return np.stack([np.cross(m[1], m[2]), np.cross(m[2], m[0]), np.cross(m[0], m[1])])
 
 
 def _identity(material: Material) -> tuple[object, ...]:

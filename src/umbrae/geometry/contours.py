@@ -14,12 +14,12 @@ Triangles without normals are *flat*: they face the light or not as a whole. So 
 than 60 degrees from the facet: no smooth surface looks like that.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.geometry.edges import Edges, edges, first_equal, weld
+from umbrae.geometry.edges import Edges, edges, first_equal, still_welded, weld
 from umbrae.geometry.normals import facet_normals
 from umbrae.geometry.vectors import cross, dot, row, scale, subtract, unit
 from umbrae.parallel import inline, kernel, run
@@ -130,6 +130,35 @@ def smooth_mesh(
     edge_of = np.full((len(triangles), 3), -1, np.int32)
     number = np.repeat(np.arange(len(topology.vertices), dtype=np.int32), topology.count)
     edge_of[topology.triangle, np.where(topology.sign > 0, *corner)] = number
+    same = first_equal(np.sort(welded[triangles], axis=1))
+    return SmoothMesh(
+        **_placed(positions, triangles, normals, same),
+        triangles=triangles,
+        welded=welded,
+        same=same,
+        topology=topology,
+        low=adjacent[rows, corner[0]],
+        high=adjacent[rows, corner[1]],
+        edge_of=edge_of,
+    )
+
+
+def moved_mesh(
+    mesh: SmoothMesh, positions: NDArray[np.float32], normals: NDArray[np.float32] | None
+) -> SmoothMesh | None:
+    """The mesh with its vertices elsewhere; None where they are not surely welded as before."""
+    if not still_welded(mesh.welded, positions):
+        return None
+    return mesh._replace(**_placed(positions, mesh.triangles, normals, mesh.same))
+
+
+def _placed(
+    positions: NDArray[np.float32],
+    triangles: NDArray[np.int32],
+    normals: NDArray[np.float32] | None,
+    same: NDArray[np.int32],
+) -> dict[str, Any]:
+    """What of a mesh depends on its positions and normals."""
     facets = facet_normals(positions, triangles)
     length = np.zeros(len(positions)) if normals is None else np.linalg.norm(normals.astype(np.float64), axis=1)
     vertex_normals = np.zeros((len(positions), 3))
@@ -138,21 +167,9 @@ def smooth_mesh(
     along = np.einsum("tkj,tj->tk", vertex_normals[triangles], facets)
     agrees = along.sum(axis=1) >= 0
     smooth = (np.abs(along) >= _SMOOTH).all(axis=1) & (np.sign(along) == np.sign(along[:, :1])).all(axis=1)
-    same = first_equal(np.sort(welded[triangles], axis=1))
     smooth &= np.bincount(same, minlength=len(same))[same] == 1
-    return SmoothMesh(
-        positions=positions,
-        triangles=triangles,
-        welded=welded,
-        normals=vertex_normals,
-        facets=facets,
-        turned=np.where(smooth, np.where(agrees, 1, -1), 0).astype(np.int8),
-        same=same,
-        topology=topology,
-        low=adjacent[rows, corner[0]],
-        high=adjacent[rows, corner[1]],
-        edge_of=edge_of,
-    )
+    turned = np.where(smooth, np.where(agrees, 1, -1), 0).astype(np.int8)
+    return {"positions": positions, "normals": vertex_normals, "facets": facets, "turned": turned}
 
 
 def vertex_values(mesh: SmoothMesh, light: NDArray[np.float64]) -> NDArray[np.float64]:

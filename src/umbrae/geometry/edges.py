@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 _SPLIT = 134217729.0
 """2^27 + 1: cuts a float64 into two halves of 26 bits, whose products are exact (Dekker 1971)."""
 
+_MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+"""Odd numbers without a pattern."""
+
 
 @dataclass(frozen=True, eq=False)
 class Edges:
@@ -65,6 +68,27 @@ def weld(positions: NDArray[np.float32]) -> NDArray[np.int32]:
     ids = np.empty(len(order), np.int32)
     ids[order] = np.cumsum(new, dtype=np.int32)
     return ids
+
+
+def first_vertices(welded: NDArray[np.int32]) -> NDArray[np.int64]:
+    """`(w,)` the first vertex of each id in `welded (v,)`."""
+    first = np.zeros(int(welded.max(initial=-1)) + 1, np.int64)
+    first[welded[::-1]] = np.arange(len(welded))[::-1]
+    return first
+
+
+def still_welded(welded: NDArray[np.int32], positions: NDArray[np.float32]) -> bool:
+    """Whether vertices surely share a position where they share an id, and nowhere else; `welded (v,)` as of `weld`.
+
+    Faster than to weld anew. It looks at hashes of positions: those that differ are of positions that differ.
+    """
+    there = positions + np.float32(0)
+    of_ids = there[first_vertices(welded)]
+    if not np.array_equal(of_ids[welded], there):
+        return False
+    x, y, z = of_ids.view(np.uint32).T.astype(np.uint64)
+    hashes = np.sort(x * _MIX[0] + y * _MIX[1] + z * _MIX[2])
+    return bool((hashes[1:] != hashes[:-1]).all())
 
 
 def edges(triangles: NDArray[np.int32]) -> Edges:

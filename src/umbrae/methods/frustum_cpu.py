@@ -30,7 +30,7 @@ from umbrae.methods.transmission_buffer import (
     terms,
     write_shares,
 )
-from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles
+from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles, moved_clusters
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 from umbrae.transmission import CLEAR, SOLID, Transmission, transmission_of
@@ -159,10 +159,22 @@ class FrustumCaster(Caster):
             sheer = np.flatnonzero(table.kind > CLEAR)
             if len(sheer):
                 self.sheer = _Sheer(table, terms(table.even), cluster_triangles(scene, clock, sheer))
-        self.solids: Solids | None = None
-        if method.front_face_culling and len(scene.triangles):
-            allowed = np.ones(len(scene.triangles), bool) if self.solid is None else self.solid
-            self.solids = find_solids(scene.positions, scene.triangles, allowed)
+        self.solids = self._find_solids()
+
+    def _place(self, scene: Scene, clock: Clock | None) -> None:
+        self.scene = scene
+        self.clusters = moved_clusters(self.clusters, scene, clock)
+        self.bounds = self.clusters.bounds if self.solid is None else scene.bounds.astype(np.float64)
+        if self.sheer is not None:
+            self.sheer = self.sheer._replace(clusters=moved_clusters(self.sheer.clusters, scene, clock))
+        self.solids = self._find_solids()
+
+    def _find_solids(self) -> Solids | None:
+        scene = self.scene
+        if not self.method.front_face_culling or not len(scene.triangles):
+            return None
+        allowed = np.ones(len(scene.triangles), bool) if self.solid is None else self.solid
+        return find_solids(scene.positions, scene.triangles, allowed)
 
     @property
     def casters(self) -> Casters:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from umbrae.checks import shown, whole
 from umbrae.clock import Clock
@@ -22,7 +23,7 @@ TRANSPARENCY = ("exact", "stochastic")
 
 
 class Caster(ABC):
-    """A scene's geometry, prepared once by a method; asked once per light and set of samples."""
+    """A scene's geometry, prepared once by a method; asked once per light and set of samples; moved frame by frame."""
 
     scene: Scene
     takes_area_lights: ClassVar[bool] = False
@@ -39,6 +40,36 @@ class Caster(ABC):
 
         Starts with `check`.
         """
+
+    @abstractmethod
+    def _place(self, scene: Scene, clock: Clock | None) -> None:
+        """Become what `Method.prepare` would make of this moved copy of the scene; keep what topology alone decides."""
+
+    def follow(self, scene: Scene, clock: Clock | None = None) -> None:
+        """Cast the shadow of `scene` from now on, a moved copy of the caster's (`Scene.moved`)."""
+        if scene.family is not self.scene.family:
+            raise InputError("Caster.follow: wanted a moved copy of the caster's scene, got another scene")
+        self._place(scene, clock)
+
+    def update(self, positions: ArrayLike, normals: ArrayLike | None = None, clock: Clock | None = None) -> Scene:
+        """Move the vertices, and cast the shadow of that from now on; returns the moved scene, which is `scene` now.
+
+        Samples of the scene before are refused from then on, unless they are free points.
+
+        Parameters
+        ----------
+        positions
+            `(v, 3)` in the scene's coordinates.
+        normals
+            `(v, 3)` those that belong to them; by default the scene's, as they are.
+
+        Raises
+        ------
+        InputError
+            For arrays of another shape, or coordinates that a scene does not take.
+        """
+        self.follow(self.scene.moved(positions, normals), clock)
+        return self.scene
 
 
 @dataclass(frozen=True)

@@ -88,8 +88,13 @@ class OracleCaster(Caster):
         self.closed = self.kind == SOLID
         if table is not None:
             self.closed |= table.closed[table.material_id]
+        self._pruned = tree
+        self._place(scene, None)
+
+    def _place(self, scene: Scene, clock: Clock | None) -> None:
+        self.scene = scene
         self.tree = bvh.build(scene.positions, scene.triangles)
-        if not tree:
+        if not self._pruned:
             self.tree.lower[:] = -np.inf
             self.tree.upper[:] = np.inf
 

@@ -73,6 +73,14 @@ def cluster_triangles(scene: Scene, clock: Clock | None, chosen: NDArray[np.intp
     return TriangleClusters(corners, boxes, order, bounds, chosen is None and not apart)
 
 
+def moved_clusters(clusters: TriangleClusters, scene: Scene, clock: Clock | None) -> TriangleClusters:
+    """The same clusters of the same triangles, where `scene` has them."""
+    corners, boxes, bounds = np.empty_like(clusters.corners), np.empty_like(clusters.boxes), clusters.bounds
+    if len(clusters.order):
+        bounds, _ = _gather(scene, clusters.order, corners, boxes, clock)
+    return clusters._replace(corners=corners, boxes=boxes, bounds=bounds)
+
+
 def _gather(
     scene: Scene,
     order: NDArray[np.int32],

@@ -48,16 +48,30 @@ class FrustumGlCaster(Caster):
         self._skips: Defines = {"SKIP_FULL": 1} if skip_full else {}
         self._seed = None if self.table is None else seed
         self._key: np.uint64 | None = None
-        self._solids: Solids | None = None
-        if front_face_culling and len(scene.triangles):
-            with clock.span("solids"):
-                solid = np.ones(len(scene.triangles), bool) if self.table is None else self.table.kind == SOLID
-                self._solids = find_solids(scene.positions, scene.triangles, solid)
-        self._reach = float(np.abs(scene.bounds).max())
+        self._culls = front_face_culling
         self._batch, self._room = BATCH, ROOM
         with self.session.current() as current:
             self.passes = Passes(current, scene, self.table, self._seed is not None)
-            self._solid_of = None if self._solids is None else self.passes.buffer(self._solids.of)
+        self._measure(clock)
+
+    def _place(self, scene: Scene, clock: Clock | None) -> None:
+        self.scene = scene
+        with self.session.current():
+            self.passes.move(scene.positions)
+        self._measure(clock or Clock())
+
+    def _measure(self, clock: Clock) -> None:
+        """Find what depends on where the vertices are."""
+        scene = self.scene
+        self._reach = float(np.abs(scene.bounds).max())
+        self._solids: Solids | None = None
+        self._solid_of = None
+        if self._culls and len(scene.triangles):
+            with clock.span("solids"):
+                solid = np.ones(len(scene.triangles), bool) if self.table is None else self.table.kind == SOLID
+                self._solids = find_solids(scene.positions, scene.triangles, solid)
+            with self.session.current():
+                self._solid_of = self.passes.buffer(self._solids.of)
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         self.check(light, samples)
@@ -78,12 +92,14 @@ class FrustumGlCaster(Caster):
         parts = parts_of(samples, self.passes.most) if len(self.scene.triangles) else ()
         with self.session.current() as current, stage(current, clock or Clock(), "upload"):
             bands = tuple(self.passes.upload(part, view.uniforms(self._reach)) for part in parts)
-        return UploadedSamples(self, samples, view, bands)
+        return UploadedSamples(self, self.scene, samples, view, bands)
 
     def shadow_on_gpu(self, light: Light, uploaded: UploadedSamples, clock: Clock | None = None) -> GpuShadow:
         """The verdicts about samples that this caster has uploaded, left in OpenGL buffers."""
         if uploaded.caster is not self:
             raise InputError("frustum-gl: these samples were uploaded by another caster")
+        if uploaded.scene is not self.scene:
+            raise InputError("frustum-gl: these samples were uploaded before the scene was moved")
         clock = clock or Clock()
         names = "tile_frustum_tests", "sample_frustum_tests", "accepts", "rejects", "fallbacks", "predicate_fallbacks"
         stats = dict.fromkeys(names, 0)

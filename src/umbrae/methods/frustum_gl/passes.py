@@ -80,6 +80,11 @@ class Passes:
         self._colored = table is not None and len(table.colors) > 0
         self._kept: dict[int, Any] = {}
 
+    def move(self, positions: NDArray[np.float32]) -> None:
+        """Let the scene's vertices be at `positions (v, 3)`."""
+        if positions.size:
+            self._scene[POSITIONS].write(positions.tobytes())
+
     def draw_by(self, key: np.uint64) -> None:
         """Take the chances of a key from now on."""
         self._key = int(key) & 0xFFFFFFFF, int(key) >> 32

@@ -12,6 +12,7 @@ from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.frustum_gl.layout import Part, View
 from umbrae.methods.method import Caster
 from umbrae.samples import ViewSamples
+from umbrae.scene import Scene
 
 TOLERANCE = 1e-4
 """Of shares of light. Each of n casters adds -log of its share in steps of 2**-26 to a sum, off by half a step, and so
@@ -33,9 +34,10 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class UploadedSamples:
-    """Samples on the GPU, made by `FrustumGlCaster.upload` for that caster and any number of lights."""
+    """Samples on the GPU, made by `FrustumGlCaster.upload` for that caster, its scene, and any number of lights."""
 
     caster: Caster
+    scene: Scene
     samples: ViewSamples
     view: View
     bands: tuple[Band, ...]

@@ -26,7 +26,7 @@ from umbrae.methods.smooth.cancelling import settle_doubts
 from umbrae.methods.smooth.crossing_count import CERTAIN, counting, write_counts
 from umbrae.methods.smooth.silhouette import Silhouettes, SmoothMethod
 from umbrae.methods.transmission_buffer import merge_sums, reserve
-from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles
+from umbrae.methods.triangle_clusters import TriangleClusters, cluster_triangles, moved_clusters
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
 
@@ -98,6 +98,11 @@ class SmoothCaster(Caster):
         self.silhouettes = Silhouettes(scene, method, clock)
         self.clusters = cluster_triangles(scene, clock)
         self._kept: _Casting | None = None
+
+    def _place(self, scene: Scene, clock: Clock | None) -> None:
+        self.scene, self._kept = scene, None
+        self.silhouettes.move(scene, clock)
+        self.clusters = moved_clusters(self.clusters, scene, clock)
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         self.check(light, samples)

@@ -58,6 +58,10 @@ class SmoothGlCaster(Caster):
         self.silhouettes = Silhouettes(scene, method, clock)
         self._kept: tuple[SmoothSurface, SmoothVolumes] | None = None
 
+    def _place(self, scene: Scene, clock: Clock | None) -> None:
+        self.scene, self._kept = scene, None
+        self.silhouettes.move(scene, clock)
+
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         self.check(light, samples)
         clock = clock or Clock()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from umbrae.checks import number, shown
 from umbrae.clock import Clock
 from umbrae.errors import OptionError
-from umbrae.geometry.contours import smooth_mesh
+from umbrae.geometry.contours import moved_mesh, smooth_mesh
 from umbrae.geometry.hermite import Curves, curved, phong
 from umbrae.geometry.smooth_surface import Bend, SmoothSurface, Tolerance, smooth_surface
 from umbrae.light import Light
@@ -70,9 +70,19 @@ class Silhouettes:
     def __init__(self, scene: Scene, method: SmoothMethod, clock: Clock | None) -> None:
         self.scene, self.method = scene, method
         with (clock or Clock()).span("edges"):
-            normals = None if method.silhouette == "discrete" else scene.normals
-            self.mesh = smooth_mesh(scene.positions, scene.triangles, normals)
+            self.mesh = smooth_mesh(scene.positions, scene.triangles, self._normals)
         self._kept: tuple[bytes, ViewSamples | None, SmoothSurface] | None = None
+
+    def move(self, scene: Scene, clock: Clock | None) -> None:
+        """Be those of a moved copy of the scene."""
+        self.scene, self._kept = scene, None
+        with (clock or Clock()).span("edges"):
+            moved = moved_mesh(self.mesh, scene.positions, self._normals)
+            self.mesh = moved or smooth_mesh(scene.positions, scene.triangles, self._normals)
+
+    @property
+    def _normals(self) -> NDArray[np.float32] | None:
+        return None if self.method.silhouette == "discrete" else self.scene.normals
 
     def surface(self, light: Light, samples: ViewSamples) -> SmoothSurface:
         """The surface that casts this light's shadow on these samples, the same object as long as nothing changes."""

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 from umbrae.camera import Camera
 from umbrae.clock import Clock
 from umbrae.errors import OptionError
+from umbrae.geometry.edges import still_welded, weld
 from umbrae.geometry.normals import facet_normals
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
-from umbrae.methods.method import require_solid
+from umbrae.methods.method import Caster, require_solid
 from umbrae.methods.volumes.engine import CONSTANTS, STENCIL_LEVELS, CountingEngine
 from umbrae.methods.volumes.eye import contour_vertices, count_at_eye, crossed_caps, light_spread
-from umbrae.methods.volumes.mesh import volume_mesh
+from umbrae.methods.volumes.mesh import VolumeMesh, volume_mesh
 from umbrae.methods.volumes.method import DETERMINISM, SilhouetteMethod, VolumeMethod
 from umbrae.methods.volumes.view import Rounding
 from umbrae.samples import ViewSamples
@@ -25,7 +26,7 @@ _ASIDE = ((0.53, 0.61, 0.59), (-0.67, 0.41, 0.62), (0.44, -0.72, 0.54), (0.71, 0
 """Directions of no particular meaning."""
 
 
-class VolumeCaster(CountingEngine):
+class VolumeCaster(CountingEngine, Caster):
     """A scene's welded geometry. Methods derive from it and draw the sides of the volumes."""
 
     inner_faces: ClassVar[bool] = False
@@ -38,10 +39,22 @@ class VolumeCaster(CountingEngine):
         require_solid(scene, method.name)
         clock = clock or Clock()
         self.method = method
-        with clock.span("weld"):
-            mesh = volume_mesh(scene)
         self._normals = facet_normals(scene.positions, scene.triangles)
-        super().__init__(scene, method.name, mesh, clock)
+        super().__init__(scene, method.name, self._weld(scene, clock), clock)
+
+    def _weld(self, scene: Scene, clock: Clock) -> VolumeMesh:
+        with clock.span("weld"):
+            self._welded = weld(scene.positions)
+            return volume_mesh(scene, self._welded)
+
+    def _place(self, scene: Scene, clock: Clock | None) -> None:
+        clock = clock or Clock()
+        self.scene = scene
+        self._normals = facet_normals(scene.positions, scene.triangles)
+        if still_welded(self._welded, scene.positions):
+            self.move(self.mesh.moved(scene, self._welded), clock)
+        else:
+            self.load(self._weld(scene, clock), clock)
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         clock = clock or Clock()

@@ -1,6 +1,6 @@
 """The passes of a frame, which all shadow volumes share: faces are drawn, and counted at the samples."""
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,6 @@ from umbrae.gl.state import count_faces, push_back, write_depth
 from umbrae.gl.targets import CountTarget, count_target
 from umbrae.light import Light
 from umbrae.memory import require
-from umbrae.methods.method import Caster
 from umbrae.methods.volumes.mesh import VolumeMesh
 from umbrae.methods.volumes.view import Rounding, far_plane, view_uniforms
 from umbrae.projection import Uniforms
@@ -51,7 +50,7 @@ class Frame:
         return {} if self.stencil else {"FLOAT_COUNTER": 1}
 
 
-class CountingEngine(Caster):
+class CountingEngine(ABC):
     """A scene's geometry in OpenGL buffers, whose volumes' faces are counted. Derived casters draw the sides."""
 
     draws_dark_caps: ClassVar[bool] = False
@@ -60,8 +59,13 @@ class CountingEngine(Caster):
     """Whether light and dark caps come with the sides."""
 
     def __init__(self, scene: Scene, name: str, mesh: VolumeMesh, clock: Clock) -> None:
-        self.scene, self.name, self.mesh = scene, name, mesh
+        self.scene, self.name = scene, name
         self.session: Session = session()
+        self.load(mesh, clock)
+
+    def load(self, mesh: VolumeMesh, clock: Clock) -> None:
+        """Put a mesh into buffers."""
+        self.mesh = mesh
         # The last entry, -1, is background's, whose triangle is -1 as well.
         self._own_cap = np.append(self.mesh.cap_of, np.int32(-1))
         with self.session.current():
@@ -70,14 +74,26 @@ class CountingEngine(Caster):
             self.cap_of = self.buffer(self.mesh.cap_of[self.mesh.source])
             if len(self.mesh.triangles):
                 self.upload(clock)
+                self.upload_places(clock)
+
+    def move(self, mesh: VolumeMesh, clock: Clock) -> None:
+        """Write anew where the vertices are; `mesh` has the triangles of the one before."""
+        self.mesh = mesh
+        with self.session.current():
+            if len(mesh.triangles):
+                self.vertices.write(mesh.positions.tobytes())
+                self.upload_places(clock)
 
     def buffer(self, values: NDArray[Any]) -> Any:
         """An OpenGL buffer with these values; never empty, which OpenGL does not allow."""
         data = np.ascontiguousarray(values).tobytes() or bytes(4)
         return self.session.moderngl.buffer(data)
 
-    def upload(self, clock: Clock) -> None:
-        """Make what depends on the geometry alone, with the context current."""
+    def upload(self, clock: Clock) -> None:  # noqa: B027
+        """Make what depends on the topology alone, with the context current."""
+
+    def upload_places(self, clock: Clock) -> None:  # noqa: B027
+        """Make what depends on where the vertices are, with the context current."""
 
     @property
     def cap_constants(self) -> dict[str, int | str]:
@@ -245,7 +261,7 @@ class CountingEngine(Caster):
         array = self.session.moderngl.vertex_array(drawn, [(self.vertices, "3f", "position")], triangles)
         array.render(self.session.moderngl.TRIANGLES)
 
-    def bind_sides(self, capped: NDArray[np.int32]) -> None:
+    def bind_sides(self, capped: NDArray[np.int32]) -> None:  # noqa: B027
         """Give `caps.glsl` the sides of these triangles, where it does not find them by itself."""
 
     def bind_own_caps(self, drawn: Any, samples: ViewSamples, caps: Any) -> None:

@@ -1,19 +1,23 @@
 """A soup as shadow volumes want it: welded by position, ordered, with the vertices opposite to each edge."""
 
+import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.geometry.edges import Edges, edges, first_equal, weld
+from umbrae.geometry.edges import Edges, edges, first_equal, first_vertices
 from umbrae.projection import unit_scale
 from umbrae.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
 class VolumeMesh:
-    """Vertices in lexicographic order of position, so that comparing positions is comparing indices.
+    """Vertices in an order that all triangles agree on, so that comparing positions is comparing indices.
+
+    It is the lexicographic one of positions, until those are moved: the order itself decides nothing.
 
     Attributes
     ----------
@@ -60,24 +64,33 @@ class VolumeMesh:
         """`(n,)` which way the ordered triangle's boundary runs along the edge: down only from first to last."""
         return np.where(self.opposite == self.triangles[self.edges.triangle, 1], -1, 1).astype(np.int8)
 
+    def moved(self, scene: Scene, welded: NDArray[np.int32]) -> "VolumeMesh":
+        """The same triangles where `scene` has them, if it is still `welded (v,)` as before (`edges.still_welded`)."""
+        made = dataclasses.replace(self, **_placed(scene, welded))
+        made.__dict__.update(
+            {name: self.__dict__[name] for name in ("edges", "opposite", "sign") if name in self.__dict__}
+        )
+        return made
 
-def volume_mesh(scene: Scene) -> VolumeMesh:
-    """Weld a scene's vertices and order its triangles' corners."""
-    ids = weld(scene.positions)
-    first = np.zeros(int(ids.max(initial=-1)) + 1, np.int64)
-    first[ids[::-1]] = np.arange(len(ids))[::-1]
-    winding = ids[scene.triangles]
+
+def volume_mesh(scene: Scene, welded: NDArray[np.int32]) -> VolumeMesh:
+    """Order the corners of a scene's triangles; `welded (v,)` as of `edges.weld`."""
+    winding = welded[scene.triangles]
     ordered = np.sort(winding, axis=1)
     proper = (ordered[:, 0] != ordered[:, 1]) & (ordered[:, 1] != ordered[:, 2])
     triangles = np.ascontiguousarray(ordered[proper])
     cap_of = np.full(len(ordered), -1, np.int32)
     cap_of[proper] = first_equal(triangles)
-    scale = unit_scale(scene)
     return VolumeMesh(
-        positions=((scene.positions[first] + np.float32(0)).astype(np.float64) * scale).astype(np.float32),
-        scale=scale,
+        **_placed(scene, welded),
         triangles=triangles,
         winding=np.ascontiguousarray(winding[proper]),
         source=np.flatnonzero(proper).astype(np.int32),
         cap_of=cap_of,
     )
+
+
+def _placed(scene: Scene, welded: NDArray[np.int32]) -> dict[str, Any]:
+    """`positions` and `scale` of a mesh."""
+    scale, there = unit_scale(scene), scene.positions[first_vertices(welded)] + np.float32(0)
+    return {"positions": (there.astype(np.float64) * scale).astype(np.float32), "scale": scale}

@@ -47,6 +47,8 @@ class RobustGsCaster(VolumeCaster):
 
     def upload(self, clock: Clock) -> None:
         self._adjacency = self.buffer(adjacency(self.mesh.winding))
+
+    def upload_places(self, clock: Clock) -> None:
         with clock.span("solids"):
             everything = np.ones(len(self.scene.triangles), bool)
             self._solids = find_solids(self.scene.positions, self.scene.triangles, everything)

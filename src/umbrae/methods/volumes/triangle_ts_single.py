@@ -40,12 +40,14 @@ class TriangleTsSingleCaster(VolumeCaster):
     inner_faces = True
 
     def upload(self, clock: Clock) -> None:
-        positions, triangles = self.mesh.positions, self.mesh.triangles
-        # Numbers are indices of vertices to OpenGL: there must be as many.
-        padding = np.zeros((max(0, len(triangles) - len(positions)), 3), np.float32)
-        self._points = self.buffer(np.concatenate([positions, padding]))
+        triangles = self.mesh.triangles
         numbers = np.arange(len(triangles), dtype=np.int32)
         self._quads = self.buffer(np.column_stack([triangles, numbers]))
+
+    def upload_places(self, clock: Clock) -> None:
+        # Numbers are indices of vertices to OpenGL: there must be as many.
+        padding = np.zeros((max(0, len(self.mesh.triangles) - len(self.mesh.positions)), 3), np.float32)
+        self._points = self.buffer(np.concatenate([self.mesh.positions, padding]))
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
         step = 2.0 ** -self.session.integer("GL_SUBPIXEL_BITS")
