@@ -23,6 +23,7 @@ def no_opengl(monkeypatch):
 
     monkeypatch.setattr("umbrae.methods.volumes.engine.session", missing)
     monkeypatch.setattr("umbrae.methods.frustum_gl.caster.session", missing)
+    monkeypatch.setattr("umbrae.methods.shadow_map.method.session", missing)
     monkeypatch.setattr(doctor, "session", missing)
 
 

@@ -144,6 +144,7 @@ def no_opengl(monkeypatch):
         raise um.GraphicsError("libEGL is missing: look elsewhere")
 
     monkeypatch.setattr("umbrae.methods.volumes.engine.session", missing)
+    monkeypatch.setattr("umbrae.methods.shadow_map.method.session", missing)
 
 
 def test_without_opengl_there_is_one_line(capsys, no_opengl):

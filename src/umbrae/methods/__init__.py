@@ -14,6 +14,7 @@ from umbrae.methods.frustum_cpu import Frustum
 from umbrae.methods.frustum_gl.method import FrustumGl
 from umbrae.methods.method import Caster, Method
 from umbrae.methods.oracle import Oracle
+from umbrae.methods.shadow_map.method import ShadowMap
 from umbrae.methods.smooth.cpu import Smooth
 from umbrae.methods.smooth.gl import SmoothGl
 from umbrae.methods.volumes.robust_gs import RobustGs
@@ -41,6 +42,7 @@ METHODS: dict[str, type[Method]] = {
     "triangle-gs": TriangleGs,
     "triangle-ts": TriangleTs,
     "triangle-ts-single": TriangleTsSingle,
+    "shadow-map": ShadowMap,
 }
 
 __all__ = ["METHODS", "Caster", "Method", "cast_shadow", "make_method", "shadow"]
