@@ -9,6 +9,7 @@ from umbrae.clock import Clock
 from umbrae.errors import OptionError
 from umbrae.light import Light
 from umbrae.mask import ShadowMask
+from umbrae.methods.alias_free_map import AliasFreeMap
 from umbrae.methods.area_average import cast_shadow
 from umbrae.methods.frustum_cpu import Frustum
 from umbrae.methods.frustum_gl.method import FrustumGl
@@ -32,6 +33,7 @@ METHODS: dict[str, type[Method]] = {
     "oracle": Oracle,
     "frustum": Frustum,
     "frustum-gl": FrustumGl,
+    "alias-free-map": AliasFreeMap,
     "smooth": Smooth,
     "smooth-gl": SmoothGl,
     "silhouette-cpu": SilhouetteCpu,
