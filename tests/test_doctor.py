@@ -23,6 +23,7 @@ def no_opengl(monkeypatch):
 
     monkeypatch.setattr("umbrae.methods.volumes.engine.session", missing)
     monkeypatch.setattr("umbrae.methods.frustum_gl.caster.session", missing)
+    monkeypatch.setattr("umbrae.methods.shadow_map.method.session", missing)
     monkeypatch.setattr(doctor, "session", missing)
 
 
@@ -39,7 +40,7 @@ def test_without_opengl_the_reason_is_told_and_nothing_is_wrong(no_opengl, capsy
     assert err == "" and facts["opengl"] == reason and facts["works"] is True
     assert set(facts["methods"]) == set(um.METHODS)
     works = {name for name, hindrance in facts["methods"].items() if hindrance is None}
-    assert works == {"oracle", "frustum", "smooth"}
+    assert works == {"oracle", "frustum", "alias-free-map", "smooth"}
     assert facts["threads"] >= 1 and facts["memory_bytes"] > 0 and facts["kernels_are_cached"] in (True, False)
 
 

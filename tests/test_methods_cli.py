@@ -145,6 +145,7 @@ def no_opengl(monkeypatch):
         raise um.GraphicsError("libEGL is missing: look elsewhere")
 
     monkeypatch.setattr("umbrae.methods.volumes.engine.session", missing)
+    monkeypatch.setattr("umbrae.methods.shadow_map.method.session", missing)
 
 
 @pytest.mark.parametrize("method", ["frustum", "smooth"])

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from soups import SOUPS, TRANSPARENT
-from test_contract import image_samples, lights_of, takes
+from test_contract import image_samples, lights_of, quick, takes
 from umbrae import METHODS, Camera, InputError, Light, Scene, ViewSamples, models, render, sample
 from umbrae.geometry.edges import still_welded, weld
 from umbrae.transmission import transmission_of
@@ -65,12 +65,12 @@ def test_welds_do_not_depend_on_the_sign_of_zero():
 def test_a_caster_that_follows_is_one_prepared_anew(method, name):
     soup = SOUPS[name]
     start = apart(soup.scene)
-    caster = METHODS[method]().prepare(start)
+    caster = quick(method).prepare(start)
     for frame, positions in frames_of(start.positions).items():
         scene = caster.update(positions)
         assert caster.scene is scene
         np.testing.assert_array_equal(scene.positions, positions)
-        samples, fresh = image_samples(scene, soup), METHODS[method]().prepare(afresh(scene))
+        samples, fresh = image_samples(scene, soup), quick(method).prepare(afresh(scene))
         for kind, light in lights_of(soup).items():
             mask, anew = caster.shadow(light, samples), fresh.shadow(light, samples)
             np.testing.assert_array_equal(mask.transmittance, anew.transmittance, f"{frame}, {kind}")

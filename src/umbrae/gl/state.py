@@ -1,7 +1,7 @@
 """State beyond what moderngl sets: depth, stencil, blending. Set whole before each pass."""
 
 from umbrae.gl.context import Session
-from umbrae.gl.targets import CountTarget, IdTarget
+from umbrae.gl.targets import CountTarget, DepthTarget, IdTarget
 
 
 def see_nearest(session: Session, target: IdTarget) -> None:
@@ -23,6 +23,17 @@ def write_depth(session: Session, target: CountTarget) -> None:
     gl.glPolygonMode(gl.GL_FRONT_AND_BACK, gl.GL_FILL)
     gl.glDepthFunc(gl.GL_ALWAYS)
     gl.glColorMask(False, False, False, False)
+
+
+def cast_depth(session: Session, target: DepthTarget, slope: float) -> None:
+    """The nearest depth stays, pushed back by `slope` pixels of the steeper of its two slopes."""
+    gl = session.gl
+    _use(session, target)
+    gl.glDepthMask(True)
+    gl.glPolygonMode(gl.GL_FRONT_AND_BACK, gl.GL_FILL)
+    gl.glDepthFunc(gl.GL_GREATER)
+    gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)
+    gl.glPolygonOffset(-slope, 0.0)
 
 
 def count_faces(
@@ -65,7 +76,7 @@ def push_back(session: Session, subpixel_bits: int) -> None:
     gl.glPolygonOffset(-(2.0**-subpixel_bits), 0.0)
 
 
-def _use(session: Session, target: CountTarget | IdTarget) -> None:
+def _use(session: Session, target: CountTarget | DepthTarget | IdTarget) -> None:
     gl = session.gl
     gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, target.framebuffer)
     gl.glViewport(0, 0, target.width, target.height)

@@ -1,4 +1,4 @@
-"""What is drawn into: depth beside a counter, or beside the number of a triangle."""
+"""What is drawn into: depth beside a counter, beside the number of a triangle, or alone."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -132,6 +132,62 @@ def id_target(session: Session, width: int, height: int) -> IdTarget:
     gl.glNamedFramebufferTexture(framebuffer, gl.GL_COLOR_ATTACHMENT0, ids, 0)
     _check_complete(session, framebuffer, width, height)
     made = session.kept["id target"] = IdTarget(session, width, height, framebuffer, depth, ids)
+    return made
+
+
+@dataclass(eq=False)
+class DepthTarget:
+    """A square depth buffer (32-bit float) by itself, which shaders may look things up in."""
+
+    session: Session
+    size: int
+    framebuffer: int
+    depth: int
+
+    @property
+    def width(self) -> int:
+        """Pixels in a row."""
+        return self.size
+
+    @property
+    def height(self) -> int:
+        """Rows."""
+        return self.size
+
+    def clear(self) -> None:
+        """Nothing nearer than infinity."""
+        gl = self.session.gl
+        gl.glDepthMask(True)
+        gl.glClearNamedFramebufferfv(self.framebuffer, gl.GL_DEPTH, 0, np.zeros(1, np.float32))
+
+    def delete(self) -> None:
+        """Give its memory back."""
+        gl = self.session.gl
+        gl.glDeleteFramebuffers(1, np.array([self.framebuffer], np.uint32))
+        gl.glDeleteTextures(1, np.array([self.depth], np.uint32))
+
+
+def depth_target(session: Session, size: int) -> DepthTarget:
+    """The target of that size; the last one is kept for the next call.
+
+    Raises
+    ------
+    GraphicsError
+        For one larger than the driver's largest texture.
+    """
+    kept: DepthTarget | None = session.kept.get("depth target")
+    if kept is not None and kept.size == size:
+        return kept
+    _check_size(session, size, size)
+    if kept is not None:
+        session.kept.pop("depth target").delete()
+    gl = session.gl
+    framebuffer, depth = _one(gl.glCreateFramebuffers), _texture(gl)
+    gl.glTextureStorage2D(depth, 1, gl.GL_DEPTH_COMPONENT32F, size, size)
+    gl.glNamedFramebufferTexture(framebuffer, gl.GL_DEPTH_ATTACHMENT, depth, 0)
+    gl.glNamedFramebufferDrawBuffer(framebuffer, gl.GL_NONE)
+    _check_complete(session, framebuffer, size, size)
+    made = session.kept["depth target"] = DepthTarget(session, size, framebuffer, depth)
     return made
 
 

@@ -9,11 +9,13 @@ from umbrae.clock import Clock
 from umbrae.errors import OptionError
 from umbrae.light import Light
 from umbrae.mask import ShadowMask
+from umbrae.methods.alias_free_map import AliasFreeMap
 from umbrae.methods.area_average import cast_shadow
 from umbrae.methods.frustum_cpu import Frustum
 from umbrae.methods.frustum_gl.method import FrustumGl
 from umbrae.methods.method import Caster, Method
 from umbrae.methods.oracle import Oracle
+from umbrae.methods.shadow_map.method import ShadowMap
 from umbrae.methods.smooth.cpu import Smooth
 from umbrae.methods.smooth.gl import SmoothGl
 from umbrae.methods.volumes.robust_gs import RobustGs
@@ -31,6 +33,7 @@ METHODS: dict[str, type[Method]] = {
     "oracle": Oracle,
     "frustum": Frustum,
     "frustum-gl": FrustumGl,
+    "alias-free-map": AliasFreeMap,
     "smooth": Smooth,
     "smooth-gl": SmoothGl,
     "silhouette-cpu": SilhouetteCpu,
@@ -41,6 +44,7 @@ METHODS: dict[str, type[Method]] = {
     "triangle-gs": TriangleGs,
     "triangle-ts": TriangleTs,
     "triangle-ts-single": TriangleTsSingle,
+    "shadow-map": ShadowMap,
 }
 
 __all__ = ["METHODS", "Caster", "Method", "cast_shadow", "make_method", "shadow"]

@@ -1,0 +1,1 @@
+"""Shadow mapping (Williams 1978), to be compared with: fast, and wrong along edges."""
