@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from umbrae import arguments, files, models
+from umbrae.arguments import Size
 from umbrae.bench import table
 from umbrae.bench.bars import bars
 from umbrae.bench.benchmark import Benchmark
@@ -19,6 +20,7 @@ from umbrae.bench.mattausch import run_mattausch
 from umbrae.bench.record import Record
 from umbrae.bench.runner import exact_methods
 from umbrae.bench.scenes import FULL, QUICK, SCENES, default_folder
+from umbrae.bench.stich_city import run_city
 from umbrae.bench.sun import pick_sensors, run_sun
 from umbrae.bench.sun_record import SunRecord
 from umbrae.bench.tregenza import PATCHES, patches
@@ -26,8 +28,8 @@ from umbrae.camera import MAX_SIDE_PX
 from umbrae.clock import Clock
 from umbrae.console import ConsoleClock, note
 from umbrae.errors import OptionError
-from umbrae.methods import METHODS
-from umbrae.options import Json, Quiet
+from umbrae.methods import METHODS, make_method
+from umbrae.options import DEFAULT_LOTS, Json, Quiet
 from umbrae.warmup import compile_kernels
 
 app = typer.Typer(rich_markup_mode=None)
@@ -150,6 +152,35 @@ def mattausch(
         print(json.dumps(record.as_dict()))
     else:
         record.show(Console(highlight=False))
+
+
+@app.command("stich-city")
+def stich_city(
+    lots: Annotated[Size, typer.Option(parser=arguments.size, metavar="AxB", help="Of the town.")] = DEFAULT_LOTS,
+    triangles: Annotated[int, typer.Option(min=1, metavar="N", help="In all.")] = 200_000,
+    tree: Annotated[int, typer.Option(min=0, metavar="N", help="Of these, in a tree in a street.")] = 0,
+    method: Annotated[list[str], typer.Option(metavar="NAME", help="Repeatable; frustum and robust-gs.")] = [],  # noqa: B006
+    frames: Annotated[int, typer.Option(min=1, metavar="N", help="Timed frames of each path.")] = 15,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file to write.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure hierarchical culling on a walk through a town and a flight above; exit status 1 if it changes a mask."""
+    clock = Clock() if as_json or quiet else ConsoleClock()
+    if output is not None:
+        files.check_writable(output, (".json",))
+    names = method or ["frustum", "robust-gs"]
+    for name in names:
+        make_method(name, culling=True)
+    record = run_city((lots.width, lots.height), triangles, tree, names, frames, clock)
+    if output is not None:
+        record.save(output)
+    if as_json:
+        print(json.dumps(record.as_dict()))
+    else:
+        record.show(Console(highlight=False))
+    if record.broken:
+        raise typer.Exit(1)
 
 
 @app.command()

@@ -15,10 +15,11 @@ from umbrae.memory import require
 from umbrae.methods.alias_free_raster import rasterize, write_out
 from umbrae.methods.frustum_leaves import COUNTERS, EXACT_TESTS, FALLBACKS, SAMPLE_TESTS, TILE_TESTS, Receivers
 from umbrae.methods.light_frame import POSITION_ERROR, light_frames, surface_error
+from umbrae.methods.lit_clusters import LitClusters
 from umbrae.methods.method import Caster, Method, require_solid
 from umbrae.methods.sample_lists import build
 from umbrae.methods.sample_tree import bounds_with
-from umbrae.methods.triangle_clusters import cluster_triangles, light_sides, moved_clusters
+from umbrae.methods.triangle_clusters import cluster_triangles, moved_clusters
 from umbrae.parallel import run, thread_count
 from umbrae.samples import ViewSamples
 from umbrae.scene import Scene
@@ -97,13 +98,14 @@ class AliasFreeMapCaster(Caster):
             source = light.position.astype(np.float64)
             with clock.span("facing"):
                 own = np.zeros(len(self.scene.triangles), np.int8)
-                clustered = light_sides(self.scene, self.clusters, source, own, clock)
+                lit = LitClusters(self.scene, self.clusters, source, own)
+                lit.find(np.ones(len(self.clusters.corners), bool), clock)
             width = samples.size // samples.shape[0]
             step = max(1, BLOCK // width)
             for start in range(0, samples.shape[0], step):
                 block = samples if step >= samples.shape[0] else samples.rows(start, start + step)
                 part = in_shadow[start * width : (start + step) * width]
-                add_stats(stats, self._shadow_block(source, block, own, clustered, part, clock))
+                add_stats(stats, self._shadow_block(source, block, own, lit.sides, part, clock))
         return ShadowMask(in_shadow.reshape(samples.shape), Guarantee.EXACT, stats=stats)
 
     def _shadow_block(
@@ -128,7 +130,7 @@ class AliasFreeMapCaster(Caster):
             leaves, lists, grids = build(samples, own, source, frames, (error, 2.0**-50 * largest), cells, in_shadow)
         raw = samples.barycentric.reshape(-1, 2), samples.side.reshape(-1), samples.position.reshape(-1, 3)
         receivers = Receivers(self.scene.positions, self.scene.triangles, source, *leaves[:3], *raw)
-        corners, _, order, _ = self.clusters
+        corners, order = self.clusters.corners, self.clusters.order
         asked = [(frame, part) for frame, grid in zip(frames, grids, strict=True) for part in (grid, grid.rest)]
         active = [(frame, grid) for frame, grid in asked if lists.has(grid)]
         step = max(1, min(_CLUSTERS_PER_TASK, -(-len(corners) // (8 * thread_count()))))
