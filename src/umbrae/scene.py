@@ -3,7 +3,7 @@
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -72,7 +72,7 @@ class Scene:
     colors: NDArray[np.float32] | None
     object_id: NDArray[np.int32]
     origin: NDArray[np.float64]
-    family: Family
+    family: Family = field(init=False)
 
     def __init__(
         self,
