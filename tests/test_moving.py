@@ -106,6 +106,32 @@ def test_normals_and_solids_follow(method, options):
     assert dark > 100
 
 
+@pytest.mark.parametrize(
+    ("method", "options"),
+    [("robust-gs", {}), ("frustum", {"front_face_culling": True}), ("frustum-gl", {"front_face_culling": True})],
+)
+def test_a_solid_that_is_turned_inside_out_is_none(method, options):
+    cube = SOUPS["cube"].scene
+    low, high = cube.bounds.astype(np.float64)
+    middle, half = (low + high) / 2, (high - low) / 2
+    inside = middle + half * [[-0.5, -0.5, 0.5], [0.5, -0.5, 0.5], [0.5, -0.5, -0.5], [-0.5, -0.5, -0.5]]
+    count = len(cube.positions)
+    scene = Scene(
+        np.concatenate([cube.positions, inside]),
+        [*cube.triangles.tolist(), [count, count + 1, count + 2], [count, count + 2, count + 3]],
+    )
+    caster = METHODS[method](**options).prepare(scene)
+    turned = scene.positions.copy()
+    turned[:count, 1] = low[1] + high[1] - turned[:count, 1]
+    moved = caster.update(turned)
+    # What stands in the cube sees its lid from the wrong side, which must shade it all the same.
+    camera = Camera.look_at(middle + half * [0, 0.5, 0.1], middle - half * [0, 0.5, 0], width=32, height=24, near=0.01)
+    samples, light = sample(moved, camera), Light.directional((0.1, -1.0, 0.2))
+    on_floor = samples.triangle >= len(cube.triangles)
+    assert on_floor.sum() > 50
+    assert caster.shadow(light, samples).in_shadow[on_floor].all()
+
+
 def test_a_moved_scene_shares_all_but_its_vertices():
     scene = SOUPS[sorted(TRANSPARENT)[0]].scene
     assert scene.bounds.shape == (2, 3)
