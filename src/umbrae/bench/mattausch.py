@@ -25,7 +25,6 @@ from umbrae.geometry.edges import weld
 from umbrae.light import Light
 from umbrae.methods.smooth.cpu import Smooth
 from umbrae.methods.smooth.gl import SmoothGl
-from umbrae.methods.smooth.silhouette import SILHOUETTES
 from umbrae.samples import ViewSamples
 from umbrae.sampling import sample
 from umbrae.scene import Scene
@@ -51,6 +50,7 @@ EXTENT, EPSILON = 10.0, 0.01
 """Models are scaled to this size, which the paper does not tell; its maximal error."""
 CREASE = 60.0
 """Of normals for models that come without, in degrees."""
+KINDS = ("discrete", "accurate", "smooth")
 WARM_UPS = 2
 
 
@@ -111,7 +111,7 @@ class SmoothRecord:
             anew, kept = float(np.median(run.rebuilt_seconds)), float(np.median(run.kept_seconds))
             base = anew if run.silhouette == "discrete" else base
             _, theirs_anew, theirs_kept = PAPER[run.model]
-            place = ("discrete", "accurate", "smooth").index(run.silhouette)
+            place = KINDS.index(run.silhouette)
             rows.add_row(
                 run.model,
                 run.method,
@@ -171,12 +171,12 @@ def run_mattausch(folder: Path | None, frames: int, clock: Clock) -> SmoothRecor
             try:
                 scene = scene_of(model, folder)
             except ModelError as error:
-                runs += [SmoothRun(model, 0, "all", kind, not_run=str(error)) for kind in SILHOUETTES[::-1]]
+                runs += [SmoothRun(model, 0, "all", kind, not_run=str(error)) for kind in KINDS]
                 continue
             camera = Camera.look_at((2, 12, 21), (-3, 3, -2), fov_y=40, width=SIZE[0], height=SIZE[1])
             samples = sample(scene, camera)
             for method in (Smooth, SmoothGl):
-                for kind in SILHOUETTES[::-1]:
+                for kind in KINDS:
                     runs.append(_run(model, scene, samples, method(silhouette=kind, epsilon=EPSILON), frames, clock))
     return SmoothRecord.of(runs)
 
