@@ -13,6 +13,7 @@ from umbrae.geometry.normals import facet_normals
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.method import require_solid
+from umbrae.methods.volumes.culling import Culling
 from umbrae.methods.volumes.engine import CONSTANTS, STENCIL_LEVELS, CountingEngine
 from umbrae.methods.volumes.eye import contour_vertices, count_at_eye, crossed_caps, light_spread
 from umbrae.methods.volumes.mesh import volume_mesh
@@ -42,6 +43,9 @@ class VolumeCaster(CountingEngine):
             mesh = volume_mesh(scene)
         self._normals = facet_normals(scene.positions, scene.triangles)
         super().__init__(scene, method.name, mesh, clock)
+        if method.culling:
+            with clock.span("objects"):
+                self.culling = Culling(scene.positions, scene.triangles[mesh.source], scene.object_id[mesh.source])
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         clock = clock or Clock()

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbrae.clock import Clock
 from umbrae.methods.volumes.caster import SilhouetteCaster
@@ -36,18 +37,11 @@ class SilhouetteTsCaster(SilhouetteCaster):
     """Edges in groups by the number of their opposite vertices."""
 
     def upload(self, clock: Clock) -> None:
-        topology, opposite = self.mesh.edges, self.mesh.opposite
-        most = self.session.integer("GL_MAX_PATCH_VERTICES") - 2
-        parts = -(-topology.count // most)
-        edge = np.repeat(np.arange(len(parts)), parts)
-        part = np.arange(len(edge)) - np.repeat(np.cumsum(parts) - parts, parts)
-        begin = topology.offsets[edge] + part * most
-        count = np.minimum(topology.offsets[edge + 1] - begin, most)
-        self._patches: dict[int, Any] = {}
-        for opposites in np.unique(count):
-            chosen = np.flatnonzero(count == opposites)
-            ids = opposite[begin[chosen][:, None] + np.arange(opposites)]
-            self._patches[int(opposites) + 2] = self.buffer(np.hstack([topology.vertices[edge[chosen]], ids]))
+        self._parts = self.mesh.parts(self.session.integer("GL_MAX_PATCH_VERTICES") - 2)
+
+    def choose(self, kept: NDArray[np.bool_] | None) -> None:
+        made = {size: self.mesh.patches(part, size, kept) for size, part in self._parts.items()}
+        self._patches: dict[int, Any] = {size + 2: self.buffer(ids) for size, ids in made.items() if len(ids)}
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
         for size, index in self._patches.items():

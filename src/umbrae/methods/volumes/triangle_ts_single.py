@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbrae.clock import Clock
 from umbrae.gl.program import program
@@ -45,7 +46,10 @@ class TriangleTsSingleCaster(VolumeCaster):
         padding = np.zeros((max(0, len(triangles) - len(positions)), 3), np.float32)
         self._points = self.buffer(np.concatenate([positions, padding]))
         numbers = np.arange(len(triangles), dtype=np.int32)
-        self._quads = self.buffer(np.column_stack([triangles, numbers]))
+        self._numbered = np.column_stack([triangles, numbers])
+
+    def choose(self, kept: NDArray[np.bool_] | None) -> None:
+        self._quads = self.buffer(self._numbered if kept is None else self._numbered[kept])
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
         step = 2.0 ** -self.session.integer("GL_SUBPIXEL_BITS")
