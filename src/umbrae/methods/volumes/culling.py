@@ -9,7 +9,7 @@ whose answers come before anything below is looked at. So each verdict is that o
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +72,20 @@ class Culling:
         self._is_end = self._below <= FEW
         self._is_end[self.tree.first_leaf :] = True
 
+    def around_eye(self, light: Light, camera: Camera, rounding: Rounding) -> NDArray[np.bool_]:
+        """`(t,)` the triangles whose volumes may hold the eye, or have a face nearer to it than rounding allows."""
+        view = _view(light, camera, np.zeros(4), rounding)
+        taken = np.zeros(len(self.tree.lower), bool)
+        nodes = np.zeros(1, np.int64)
+        while len(nodes):
+            nodes = nodes[self._below[nodes] > 0]
+            place, _, _ = place_boxes(self.tree.lower[nodes], self.tree.upper[nodes], *view)
+            nodes = nodes[place == AROUND]
+            end = self._is_end[nodes]
+            taken[nodes[end]] = True
+            nodes = _children(nodes[~end])
+        return self._triangles(taken)
+
     def kept(
         self, light: Light, camera: Camera, far_plane: NDArray[np.float64], rounding: Rounding, ask: Ask
     ) -> Kept:
@@ -81,10 +95,7 @@ class Culling:
         show before the samples.
         """
         tree, memory = self.tree, self._memory(light)
-        slack = 1e-3 + 2.0 / min(camera.width, camera.height)
-        view = (
-            light.position.astype(np.float64), camera.eye, camera.world_to_clip, far_plane, slack, rounding.box_margin
-        )  # fmt: skip
+        view = _view(light, camera, far_plane, rounding)
         memory.frame += 1
         frame, queries = memory.frame, 0
         taken = np.zeros(len(tree.lower), bool)
@@ -115,7 +126,7 @@ class Culling:
             found = np.append(found, answered[~end])
             nodes = _children(answered[~end])
         self._pull_up(memory, found)
-        return Kept(self._choose(taken), queries)
+        return Kept(self._same_or(self._triangles(taken)), queries)
 
     def _memory(self, light: Light) -> Memory:
         """That of the light, or a copy of the one that was nearest: a light that moves is a new one in every frame."""
@@ -143,11 +154,8 @@ class Culling:
             seen[level] = np.where(inner, seen[below].reshape(-1, 2).any(axis=1) | just[level], seen[level])
         memory.seen = seen
 
-    def _choose(self, taken: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
-        """The triangles below nodes; those of the last frame, if they are those and few more.
-
-        Drawing what is not seen changes nothing, and choosing anew means new buffers.
-        """
+    def _triangles(self, taken: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """`(t,)` the triangles below the nodes `taken`."""
         start = 0
         while start < self.tree.first_leaf:
             level, below = slice(start, 2 * start + 1), slice(2 * start + 1, 4 * start + 3)
@@ -156,7 +164,14 @@ class Culling:
         order = self.tree.order
         of_object = np.zeros(len(order), bool)
         of_object[order[order >= 0]] = taken[self.tree.first_leaf :][order >= 0]
-        chosen: NDArray[np.bool_] = of_object[self._object]
+        triangles: NDArray[np.bool_] = of_object[self._object]
+        return triangles
+
+    def _same_or(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+        """The triangles of the last frame, or all of them, if they are those `chosen` and few more; else those.
+
+        Drawing what is not seen changes nothing, and choosing anew means new buffers.
+        """
         count = np.count_nonzero(chosen)
         for last in (self._kept, None):
             drawn = len(chosen) if last is None else np.count_nonzero(last)
@@ -165,6 +180,13 @@ class Culling:
                 return last
         self._kept = chosen
         return chosen
+
+
+def _view(light: Light, camera: Camera, far_plane: NDArray[np.float64], rounding: Rounding) -> tuple[Any, ...]:
+    """What `place_boxes` asks for after the boxes; a picture is wider by two pixels, for samples off their centres."""
+    slack = 1e-3 + 2.0 / min(camera.width, camera.height)
+    position = light.position.astype(np.float64)
+    return position, camera.eye, camera.world_to_clip, far_plane, slack, rounding.box_margin
 
 
 def ask_boxes(

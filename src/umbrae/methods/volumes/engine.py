@@ -198,7 +198,11 @@ class CountingEngine(Caster):
         per_pixel, bits = count.shape[2], current.integer("GL_SUBPIXEL_BITS")
         with clock.span("eye"):
             casting = self.casting(light)
-            behind, start, camera = self.counting(light, camera, rounding, casting, samples.looks_through)
+            near = casting
+            if self.culling is not None:
+                near = self.culling.around_eye(light, camera, rounding)
+                near = near if casting is None else near & casting
+            behind, start, camera = self.counting(light, camera, rounding, near, samples.looks_through)
         end = far_plane(self.scene, camera, light, self.mesh.scale)
         frames = [
             Frame(
@@ -223,7 +227,8 @@ class CountingEngine(Caster):
                 with stage(current, clock, "cull"):
                     found = self._cull(self.culling, target, frame, camera, rounding)
                 queries += found.queries
-                self._keep(found.triangles)
+                with clock.span("choose"):
+                    self._keep(found.triangles)
             drawn |= True if self.kept is None else self.kept
             if sample == 0 or self.kept is not before:
                 with stage(current, clock, "extract"):
