@@ -67,6 +67,12 @@ Counter = Annotated[
     str | None,
     typer.Option("--counter", metavar="auto|stencil|float", help="What shadow volumes are counted in."),
 ]
+Culling = Annotated[
+    bool | None,
+    typer.Option(
+        "--culling/--no-culling", help="Leave out casters whose shadows cannot be seen; it changes no verdict."
+    ),
+]
 Silhouette = Annotated[
     str | None,
     typer.Option(
@@ -95,6 +101,6 @@ DEFAULT_GRID: Any = "10x10"
 DEFAULT_STEP: Any = "10min"
 
 
-def given(**options: str | float | None) -> dict[str, Any]:
+def given(**options: str | float | bool | None) -> dict[str, Any]:
     """The options of a method that the command line names."""
     return {name: value for name, value in options.items() if value is not None}

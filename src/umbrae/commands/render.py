@@ -20,6 +20,7 @@ from umbrae.options import (
     DEFAULT_UP,
     Counter,
     Counting,
+    Culling,
     Determinism,
     Epsilon,
     EpsilonPx,
@@ -70,6 +71,7 @@ def render(
     counting: Counting = None,
     determinism: Determinism = None,
     counter: Counter = None,
+    culling: Culling = None,
     silhouette: Silhouette = None,
     epsilon: Epsilon = None,
     epsilon_px: EpsilonPx = None,
@@ -115,7 +117,7 @@ def render(
     """Render MODEL with exact shadows."""
     clock = Clock() if as_json or quiet else ConsoleClock()
     options = given(
-        counting=counting, determinism=determinism, counter=counter, light_samples=light_samples,
+        counting=counting, determinism=determinism, counter=counter, culling=culling, light_samples=light_samples,
         silhouette=silhouette, epsilon=epsilon, epsilon_px=epsilon_px,
     )  # fmt: skip
     algorithm = make_method(method, **options)

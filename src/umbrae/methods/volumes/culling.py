@@ -86,9 +86,7 @@ class Culling:
             nodes = _children(nodes[~end])
         return self._triangles(taken)
 
-    def kept(
-        self, light: Light, camera: Camera, far_plane: NDArray[np.float64], rounding: Rounding, ask: Ask
-    ) -> Kept:
+    def kept(self, light: Light, camera: Camera, far_plane: NDArray[np.float64], rounding: Rounding, ask: Ask) -> Kept:
         """The triangles whose volumes reach before a sample.
 
         `far_plane (4,)` in world units; `ask` is given `(n, 3)` corners of boxes in world units, and says which of them
@@ -186,7 +184,7 @@ def _view(light: Light, camera: Camera, far_plane: NDArray[np.float64], rounding
     """What `place_boxes` asks for after the boxes; a picture is wider by two pixels, for samples off their centres."""
     slack = 1e-3 + 2.0 / min(camera.width, camera.height)
     position = light.position.astype(np.float64)
-    return position, camera.eye, camera.world_to_clip, far_plane, slack, rounding.box_margin
+    return position, np.array(camera.eye), camera.world_to_clip, far_plane, slack, rounding.box_margin
 
 
 def ask_boxes(
@@ -211,9 +209,10 @@ def ask_boxes(
     return np.frombuffer(seen.read(), np.int32) != 0
 
 
-def _float32(values: NDArray[np.float64], towards: float) -> Corners:
+def _float32(values: Corners, towards: float) -> NDArray[np.float32]:
     """Rounded, and one step further."""
-    return np.nextafter(values.astype(np.float32), np.float32(towards))
+    beyond: NDArray[np.float32] = np.nextafter(values.astype(np.float32), np.float32(towards))
+    return beyond
 
 
 def _children(nodes: NDArray[np.int64]) -> NDArray[np.int64]:

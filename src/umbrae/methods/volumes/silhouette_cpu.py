@@ -50,7 +50,8 @@ class SilhouetteCpuCaster(SilhouetteCaster):
         multiplicity = np.empty(len(topology.vertices), np.int32)
         chunks = [(start, min(start + _CHUNK, len(multiplicity))) for start in range(0, len(multiplicity), _CHUNK)]
         kept = np.arange(len(mesh.triangles)) if self.kept is None else np.flatnonzero(self.kept)
-        side, triangles = np.zeros(len(mesh.triangles), np.int8), mesh.triangles[kept]
+        side: NDArray[np.int8] = np.zeros(len(mesh.triangles), np.int8)
+        triangles = mesh.triangles[kept]
         if self.method.determinism == "reference-edge":
             side[kept] = facing_of_all(mesh.positions, triangles, light)
         else:
