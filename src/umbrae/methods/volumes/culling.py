@@ -206,7 +206,8 @@ def ask_boxes(
     boxes = context.vertex_array(drawn, [(context.buffer(content.tobytes()), "3f 3f/i", "lower", "upper")])
     boxes.render(context.TRIANGLES, vertices=6 * _QUADS, instances=count)
     context.memory_barrier()
-    return np.frombuffer(seen.read(), np.int32) != 0
+    answers: NDArray[np.bool_] = np.frombuffer(seen.read(), np.int32) != 0
+    return answers
 
 
 def _float32(values: Corners, towards: float) -> NDArray[np.float32]:

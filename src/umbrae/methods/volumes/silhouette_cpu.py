@@ -50,20 +50,19 @@ class SilhouetteCpuCaster(SilhouetteCaster):
         multiplicity = np.empty(len(topology.vertices), np.int32)
         chunks = [(start, min(start + _CHUNK, len(multiplicity))) for start in range(0, len(multiplicity), _CHUNK)]
         kept = np.arange(len(mesh.triangles)) if self.kept is None else np.flatnonzero(self.kept)
-        side: NDArray[np.int8] = np.zeros(len(mesh.triangles), np.int8)
-        triangles = mesh.triangles[kept]
+        triangles, sides = mesh.triangles[kept], np.zeros(len(mesh.triangles), np.int8)
         if self.method.determinism == "reference-edge":
-            side[kept] = facing_of_all(mesh.positions, triangles, light)
+            found = facing_of_all(mesh.positions, triangles, light)
         else:
             found = np.empty(len(kept), np.int8)
             _face_by_edges(mesh.positions, triangles, light, self.method.determinism == "three-edge", found)
-            side[kept] = found
-        self._side = side.astype(np.int32)
+        sides[kept] = found
+        self._side = sides.astype(np.int32)
         if self.method.determinism == "none":
             soup = mesh.positions, topology.vertices, topology.offsets, mesh.opposite_of(self.kept)
             run(lambda i: _sum_by_edge(*soup, light, *chunks[i], multiplicity), len(chunks))
         else:
-            arrays = topology.offsets, topology.triangle, mesh.sign, side
+            arrays = topology.offsets, topology.triangle, mesh.sign, sides
             run(lambda i: _sum(*arrays, *chunks[i], multiplicity), len(chunks))
         found = np.flatnonzero(multiplicity)
         m = multiplicity[found]
