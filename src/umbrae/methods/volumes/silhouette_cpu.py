@@ -52,11 +52,11 @@ class SilhouetteCpuCaster(SilhouetteCaster):
         kept = np.arange(len(mesh.triangles)) if self.kept is None else np.flatnonzero(self.kept)
         triangles, sides = mesh.triangles[kept], np.zeros(len(mesh.triangles), np.int8)
         if self.method.determinism == "reference-edge":
-            found = facing_of_all(mesh.positions, triangles, light)
+            facing = facing_of_all(mesh.positions, triangles, light)
         else:
-            found = np.empty(len(kept), np.int8)
-            _face_by_edges(mesh.positions, triangles, light, self.method.determinism == "three-edge", found)
-        sides[kept] = found
+            facing = np.empty(len(kept), np.int8)
+            _face_by_edges(mesh.positions, triangles, light, self.method.determinism == "three-edge", facing)
+        sides[kept] = facing
         self._side = sides.astype(np.int32)
         if self.method.determinism == "none":
             soup = mesh.positions, topology.vertices, topology.offsets, mesh.opposite_of(self.kept)
