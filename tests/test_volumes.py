@@ -151,8 +151,8 @@ def test_what_is_nearer_than_the_near_plane_casts_but_is_not_seen(method):
 def test_caps_of_a_few_triangles_are_those_of_the_right_ones(method):
     """Small triangles of all orientations before the near plane, and others far away, which come first."""
     rng = np.random.default_rng(1)
-    away = (0, 60, 0) + rng.uniform(-1, 1, (200, 3, 3))
-    near = (0, 3, 0) + rng.uniform(-0.4, 0.4, (30, 1, 3)) * (1, 0.3, 1) + rng.uniform(-0.2, 0.2, (30, 3, 3))
+    away = rng.uniform((-1, 59, -1), (1, 61, 1), (200, 3, 3))
+    near = rng.uniform((-0.4, 2.9, -0.4), (0.4, 3.1, 0.4), (30, 1, 3)) + rng.uniform(-0.2, 0.2, (30, 3, 3))
     floor = [[(-9, 0, -9), (9, 0, -9), (9, 0, 9)], [(-9, 0, -9), (9, 0, 9), (-9, 0, 9)]]
     corners = np.concatenate([away, near, floor]).reshape(-1, 3)
     scene = Scene(corners, np.arange(len(corners)).reshape(-1, 3))

@@ -123,9 +123,13 @@ class VolumeCaster(CountingEngine):
         if behind:
             all_of_them = np.arange(len(mesh.triangles), dtype=np.int32)
             return all_of_them if casting is None else all_of_them[casting]
+        wanted = np.ones(len(mesh.positions), bool)
+        if casting is not None:
+            wanted[:] = False
+            wanted[mesh.triangles[casting]] = True
         at_contour = contour_vertices(
             mesh.positions, mesh.triangles, topology.offsets, topology.triangle, mesh.sign, topology.vertices,
-            camera.eye * mesh.scale,
+            camera.eye * mesh.scale, wanted,
         )  # fmt: skip
         world_to_clip = camera.world_to_clip
         world_to_clip[:, 3] *= mesh.scale

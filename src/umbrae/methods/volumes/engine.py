@@ -213,10 +213,9 @@ class CountingEngine(Caster):
             )
             for sample in range(per_pixel)
         ]
-        with clock.span("contours"):
-            crossed = np.zeros(0, np.int32) if self.draws_all_caps else self.capped(camera, behind, casting)
         target = count_target(current, camera.width, camera.height, self.stencil)
         stats: dict[str, int] = {}
+        capped = np.zeros(0, np.int32)
         updates, queries, drawn = 0, 0, np.zeros(len(self.mesh.triangles), bool)
         for sample, frame in enumerate(frames):
             part = samples if len(samples.shape) == 2 else _part(samples, sample)
@@ -233,7 +232,8 @@ class CountingEngine(Caster):
             if sample == 0 or self.kept is not before:
                 with stage(current, clock, "extract"):
                     stats = self.extract(frame, clock)
-            capped = crossed if self.kept is None else crossed[self.kept[crossed]]
+                with clock.span("contours"):
+                    capped = self._capped(camera, behind, casting)
             count_faces(current, target, behind)
             with samples_passed(current) as passed:
                 with stage(current, clock, "sides"):
@@ -249,6 +249,14 @@ class CountingEngine(Caster):
         if self.culling is not None:
             stats |= {"culled": int(np.count_nonzero(~drawn)), "queries": queries}
         return stats
+
+    def _capped(self, camera: Camera, behind: bool, casting: NDArray[np.bool_] | None) -> NDArray[np.int32]:
+        """`(n,)` triangles whose caps must be drawn, of those that are kept."""
+        if self.draws_all_caps:
+            return np.zeros(0, np.int32)
+        if self.kept is not None:
+            casting = self.kept if casting is None else casting & self.kept
+        return self.capped(camera, behind, casting)
 
     def _keep(self, kept: NDArray[np.bool_] | None) -> None:
         if kept is not self.kept:

@@ -103,14 +103,18 @@ def contour_vertices(
     edge_sign: NDArray[np.int8],
     edge_vertices: NDArray[np.int32],
     eye: NDArray[np.float64],
+    wanted: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
-    """`(v,)` the vertices of edges with more triangles on one side than on the other, seen from `eye (3,)`."""
+    """`(v,)` the vertices of edges with more triangles on one side than on the other, seen from `eye (3,)`.
+
+    Right for the vertices `wanted (v,)`; what is far from them is not looked at.
+    """
     side = np.empty(len(triangles), np.int8)
     marked = np.zeros(len(positions), bool)
     triangle_chunks, edge_chunks = _chunks(len(triangles)), _chunks(len(edge_vertices))
-    run(lambda i: _sides(positions, triangles, eye, *triangle_chunks[i], side), len(triangle_chunks))
+    run(lambda i: _sides(positions, triangles, eye, wanted, *triangle_chunks[i], side), len(triangle_chunks))
     run(
-        lambda i: _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, *edge_chunks[i], marked),
+        lambda i: _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, wanted, *edge_chunks[i], marked),
         len(edge_chunks),
     )
     return marked
@@ -141,10 +145,12 @@ def _chunks(count: int) -> list[tuple[int, int]]:
 
 
 @kernel
-def _sides(positions, triangles, eye, start, stop, side):
+def _sides(positions, triangles, eye, wanted, start, stop, side):
     """The side of each triangle that the eye sees, in float64; 0 where rounding leaves it open."""
     for t in range(start, stop):
         i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        if not (wanted[i] or wanted[j] or wanted[k]):
+            continue
         ax, ay, az = np.float64(positions[i, 0]), np.float64(positions[i, 1]), np.float64(positions[i, 2])
         value, bound = filtered_determinant(
             positions[j, 0] - ax, positions[j, 1] - ay, positions[j, 2] - az,
@@ -155,8 +161,10 @@ def _sides(positions, triangles, eye, start, stop, side):
 
 
 @kernel
-def _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, start, stop, marked):
+def _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, wanted, start, stop, marked):
     for edge in range(start, stop):
+        if not (wanted[edge_vertices[edge, 0]] or wanted[edge_vertices[edge, 1]]):
+            continue
         total = 0
         open_case = False
         for entry in range(offsets[edge], offsets[edge + 1]):

@@ -67,32 +67,6 @@ class VolumeMesh:
         lower = np.repeat(self.edges.vertices[:, 0], self.edges.count)
         return np.where(kept[self.edges.triangle], self.opposite, lower)
 
-    def parts(self, most: int) -> dict[int, tuple[NDArray[np.int64], NDArray[np.int64]]]:
-        """Edges with at most so many adjacent triangles each, the others split: by number, which edge, and from where.
-
-        "Where" is the first of the part's triangles in the adjacency of `edges`. Parts of an edge add up to it.
-        """
-        topology = self.edges
-        parts = -(-topology.count // most)
-        edge = np.repeat(np.arange(len(parts)), parts)
-        part = np.arange(len(edge)) - np.repeat(np.cumsum(parts) - parts, parts)
-        begin = topology.offsets[edge] + part * most
-        count = np.minimum(topology.offsets[edge + 1] - begin, most)
-        return {int(size): (edge[count == size], begin[count == size]) for size in np.unique(count)}
-
-    def patches(
-        self, part: tuple[NDArray[np.int64], NDArray[np.int64]], size: int, kept: NDArray[np.bool_] | None
-    ) -> NDArray[np.int32]:
-        """`(n, 2 + size)` edges of `parts` with the vertices opposite to each, but for triangles not `kept (t,)`."""
-        edge, begin = part
-        adjacent = begin[:, None] + np.arange(size)
-        if kept is None:
-            return np.hstack([self.edges.vertices[edge], self.opposite[adjacent]])
-        here = kept[self.edges.triangle[adjacent]]
-        used = here.any(axis=1)
-        ends = self.edges.vertices[edge[used]]
-        return np.hstack([ends, np.where(here[used], self.opposite[adjacent[used]], ends[:, :1])])
-
 
 def volume_mesh(scene: Scene) -> VolumeMesh:
     """Weld a scene's vertices and order its triangles' corners."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.clock import Clock
+from umbrae.geometry.patches import edge_patches, split_edges
 from umbrae.methods.volumes.caster import SilhouetteCaster
 from umbrae.methods.volumes.engine import Frame
 from umbrae.methods.volumes.method import SilhouetteMethod
@@ -33,12 +34,12 @@ class SilhouetteGsCaster(SilhouetteCaster):
     """Edges between pairs of opposite vertices."""
 
     def upload(self, clock: Clock) -> None:
-        self._parts = self.mesh.parts(2)
+        self._parts = split_edges(self.mesh.edges, 2)
 
     def choose(self, kept: NDArray[np.bool_] | None) -> None:
-        patches = [self.mesh.patches(part, size, kept) for size, part in self._parts.items()]
+        patches = edge_patches(self.mesh.edges, self.mesh.opposite, self._parts, kept)
         # Where there is no second opposite vertex, the lower end takes its place.
-        lines = [ids[:, [2, 0, 1, 3 % ids.shape[1]]] for ids in patches]
+        lines = [ids[:, [2, 0, 1, 3 % (2 + size)]] for size, ids in patches.items()]
         self._lines = self.buffer(np.concatenate(lines))
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.clock import Clock
+from umbrae.geometry.patches import edge_patches, split_edges
 from umbrae.methods.volumes.caster import SilhouetteCaster
 from umbrae.methods.volumes.engine import Frame
 from umbrae.methods.volumes.method import SilhouetteMethod
@@ -37,10 +38,10 @@ class SilhouetteTsCaster(SilhouetteCaster):
     """Edges in groups by the number of their opposite vertices."""
 
     def upload(self, clock: Clock) -> None:
-        self._parts = self.mesh.parts(self.session.integer("GL_MAX_PATCH_VERTICES") - 2)
+        self._parts = split_edges(self.mesh.edges, self.session.integer("GL_MAX_PATCH_VERTICES") - 2)
 
     def choose(self, kept: NDArray[np.bool_] | None) -> None:
-        made = {size: self.mesh.patches(part, size, kept) for size, part in self._parts.items()}
+        made = edge_patches(self.mesh.edges, self.mesh.opposite, self._parts, kept)
         self._patches: dict[int, Any] = {size + 2: self.buffer(ids) for size, ids in made.items() if len(ids)}
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
