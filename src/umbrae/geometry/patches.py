@@ -27,8 +27,8 @@ def edge_patches(
 ) -> dict[int, NDArray[np.int32]]:
     """By the number of triangles of a part: `(n, 2 + number)` its edge, lower end first, and the `opposite` vertices.
 
-    Only parts with some triangle that is `kept (t,)`. The others' opposite vertices are replaced by the lower end, which
-    lies in every plane through the edge, and so counts for nothing.
+    Only parts with some triangle that is `kept (t,)`. The others' opposite vertices are replaced by the lower end,
+    which lies in every plane through the edge, and so counts for nothing.
     """
     made = {}
     for size, (edge, begin) in parts.items():

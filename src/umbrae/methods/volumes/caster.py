@@ -120,13 +120,12 @@ class VolumeCaster(CountingEngine):
     def capped(self, camera: Camera, behind: bool, casting: NDArray[np.bool_] | None) -> NDArray[np.int32]:
         """`(n,)` triangles of the mesh whose caps must be drawn: all of them for z-fail, few for z-pass (see `eye`)."""
         mesh, topology = self.mesh, self.mesh.edges
+        if casting is None:
+            casting = np.ones(len(mesh.triangles), bool)
         if behind:
-            all_of_them = np.arange(len(mesh.triangles), dtype=np.int32)
-            return all_of_them if casting is None else all_of_them[casting]
-        wanted = np.ones(len(mesh.positions), bool)
-        if casting is not None:
-            wanted[:] = False
-            wanted[mesh.triangles[casting]] = True
+            return np.flatnonzero(casting).astype(np.int32)
+        wanted = np.zeros(len(mesh.positions), bool)
+        wanted[mesh.triangles[casting]] = True
         at_contour = contour_vertices(
             mesh.positions, mesh.triangles, topology.offsets, topology.triangle, mesh.sign, topology.vertices,
             camera.eye * mesh.scale, wanted,
@@ -135,8 +134,8 @@ class VolumeCaster(CountingEngine):
         world_to_clip[:, 3] *= mesh.scale
         # Room for rounding at the near plane, and two pixels for samples off a pixel's centre.
         near, slack = 1.001 * camera.near * mesh.scale, 1e-3 + 2.0 / min(camera.width, camera.height)
-        crossed = crossed_caps(mesh.positions, mesh.triangles, at_contour, world_to_clip, near, slack)
-        return np.flatnonzero(crossed if casting is None else crossed & casting).astype(np.int32)
+        crossed = crossed_caps(mesh.positions, mesh.triangles, at_contour, casting, world_to_clip, near, slack)
+        return np.flatnonzero(crossed).astype(np.int32)
 
 
 class SilhouetteCaster(VolumeCaster):

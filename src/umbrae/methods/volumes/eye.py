@@ -124,18 +124,19 @@ def crossed_caps(
     positions: NDArray[np.float32],
     triangles: NDArray[np.int32],
     at_contour: NDArray[np.bool_],
+    casting: NDArray[np.bool_],
     world_to_clip: NDArray[np.float64],
     near: float,
     slack: float,
 ) -> NDArray[np.bool_]:
     """`(t,)` the triangles whose caps a view ray may cross.
 
-    Those that touch a vertex `at_contour (v,)`, or reach before the `near` plane; unless they lie outside of the
+    Those `casting (t,)` that touch a vertex `at_contour (v,)`, or reach before the `near` plane; unless they lie outside of the
     picture, by more than `slack` as a share of it.
     """
     crossed = np.zeros(len(triangles), bool)
     chunks = _chunks(len(triangles))
-    arrays = positions, triangles, at_contour, world_to_clip
+    arrays = positions, triangles, at_contour, casting, world_to_clip
     run(lambda i: _crossed(*arrays, near, slack, *chunks[i], crossed), len(chunks))
     return crossed
 
@@ -177,8 +178,10 @@ def _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, wanted, start,
 
 
 @kernel
-def _crossed(positions, triangles, at_contour, world_to_clip, near, slack, start, stop, crossed):
+def _crossed(positions, triangles, at_contour, casting, world_to_clip, near, slack, start, stop, crossed):
     for t in range(start, stop):
+        if not casting[t]:
+            continue
         chosen = False
         left, right, below, above, behind = True, True, True, True, True
         for k in range(3):
