@@ -129,13 +129,30 @@ def test_what_the_last_frame_tells_is_not_asked_again(one_by_one):
     assert caster.shadow(light, samples).stats["queries"] < 0.3 * first["queries"]
 
 
-@pytest.mark.parametrize("per_pixel", [1, 3])
-def test_several_samples_in_each_pixel(per_pixel, one_by_one):
-    scene = town(5)
-    casters = both("silhouette-gs", scene)
-    for frame in range(3):
-        samples = sample(scene, along_a_street(frame, 40, 28), samples_per_pixel=per_pixel)
-        assert same(casters, light_of(frame), samples)["culled"] > 100
+@pytest.mark.parametrize("counting", ["auto", "zfail"])
+@pytest.mark.parametrize("method", VOLUMES)
+def test_edges_between_what_is_kept_and_what_is_not(method, counting, monkeypatch):
+    """Houses of which single triangles are left out."""
+    monkeypatch.setattr(culling, "FEW", 1)
+    scene = town(4, seed=3)
+    casters = both(method, scene, counting=counting)
+    partly = 0
+    for frame in range(6):
+        same(casters, light_of(frame), sample(scene, along_a_street(frame)))
+        kept = casters[0].kept
+        if kept is not None:
+            houses = np.bincount(scene.object_id, kept)[:-1]
+            partly += np.count_nonzero((houses > 0) & (houses < 12))
+    assert partly > 20
+
+
+@pytest.mark.parametrize("method", ["silhouette-cpu", "silhouette-gs"])
+def test_samples_in_a_pixel_that_see_different_things(method, one_by_one):
+    scene = town(6)
+    casters = both(method, scene)
+    for frame in range(12):
+        samples = sample(scene, along_a_street(frame, 12, 8), samples_per_pixel=5)
+        assert same(casters, light_of(frame), samples)["culled"] > 0
 
 
 def test_a_mesh_of_one_object_is_cut(one_by_one):
