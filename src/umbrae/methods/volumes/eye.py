@@ -131,8 +131,8 @@ def crossed_caps(
 ) -> NDArray[np.bool_]:
     """`(t,)` the triangles whose caps a view ray may cross.
 
-    Those `casting (t,)` that touch a vertex `at_contour (v,)`, or reach before the `near` plane; unless they lie outside
-    of the picture, by more than `slack` as a share of it.
+    Those `casting (t,)` that touch a vertex `at_contour (v,)`, or reach before the `near` plane; unless they lie out of
+    the picture, by more than `slack` as a share of it.
     """
     crossed = np.zeros(len(triangles), bool)
     chunks = _chunks(len(triangles))
