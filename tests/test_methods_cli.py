@@ -190,7 +190,12 @@ def test_opengl_on_the_command_line(capsys, opengl):
     assert (pixels("m.png") != pixels("frustum.png")).mean() < 0.01
     assert umbrae(f"render {view} --method silhouette-cpu --determinism none") == 0
     assert json.loads(capsys.readouterr().out)["guarantee"] == "none", "what the mask promises, not the method"
-    assert umbrae(f"verify {view} --count 500 --method silhouette-cpu --counting zpass") == 0
+    for options, culling in (("", True), ("--no-culling", False)):
+        assert umbrae(f"render {view} --method silhouette-gs {options}") == 0
+        facts = json.loads(capsys.readouterr().out)
+        assert facts["options"]["culling"] is culling
+        assert ("culled" in facts["lights"][0]["stats"]) is culling
+    assert umbrae(f"verify {view} --count 500 --method silhouette-cpu --counting zpass --no-culling") == 0
     (judged,) = json.loads(capsys.readouterr().out)["lights"]
     assert judged["checked"] == 500 and set(judged["classes"]) == {"boundary", "facing away"}
     assert sum(judged["classes"].values()) == judged["mismatches"]

@@ -148,6 +148,22 @@ def test_what_is_nearer_than_the_near_plane_casts_but_is_not_seen(method):
 
 
 @pytest.mark.parametrize("method", VOLUMES)
+def test_caps_of_a_few_triangles_are_those_of_the_right_ones(method):
+    """Small triangles of all orientations before the near plane, and others far away, which come first."""
+    rng = np.random.default_rng(1)
+    away = rng.uniform((-1, 59, -1), (1, 61, 1), (200, 3, 3))
+    near = rng.uniform((-0.4, 2.9, -0.4), (0.4, 3.1, 0.4), (30, 1, 3)) + rng.uniform(-0.2, 0.2, (30, 3, 3))
+    floor = [[(-9, 0, -9), (9, 0, -9), (9, 0, 9)], [(-9, 0, -9), (9, 0, 9), (-9, 0, 9)]]
+    corners = np.concatenate([away, near, floor]).reshape(-1, 3)
+    scene = Scene(corners, np.arange(len(corners)).reshape(-1, 3))
+    camera = Camera.look_at((0.05, 4.0, 0.02), (0.1, 0, 0.03), width=64, height=64, near=2.5)
+    light, samples = Light.point((0.3, 9, 0.2)), sample(scene, camera)
+    mask = METHODS[method](counting="zpass").prepare(scene).shadow(light, samples)
+    assert mask.stats["caps"] <= 32
+    assert verify(scene, light, samples, mask).ok
+
+
+@pytest.mark.parametrize("method", VOLUMES)
 def test_pictures_with_several_samples_in_each_pixel(method):
     soup = SOUPS["icosahedron"]
     camera = Camera.look_at(soup.eye, soup.target, fov_y=60, width=40, height=28)

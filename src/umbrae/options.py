@@ -67,6 +67,12 @@ Counter = Annotated[
     str | None,
     typer.Option("--counter", metavar="auto|stencil|float", help="What shadow volumes are counted in."),
 ]
+Culling = Annotated[
+    bool | None,
+    typer.Option(
+        "--culling/--no-culling", help="Leave out casters whose shadows cannot be seen; it changes no verdict."
+    ),
+]
 Silhouette = Annotated[
     str | None,
     typer.Option(
@@ -82,9 +88,6 @@ Epsilon = Annotated[
 EpsilonPx = Annotated[
     float | None,
     typer.Option("--epsilon-px", metavar="PIXELS", help="How far the shadows of those chords may be off; 0.25."),
-]
-NoCulling = Annotated[
-    bool, typer.Option("--no-culling", help="Ask every triangle, also those that surely shade nothing in the picture.")
 ]
 SmoothNormals = Annotated[
     float | None,
@@ -109,6 +112,6 @@ DEFAULT_LOTS: Any = "20x20"
 DEFAULT_STEP: Any = "10min"
 
 
-def given(**options: str | float | None) -> dict[str, Any]:
+def given(**options: str | float | bool | None) -> dict[str, Any]:
     """The options of a method that the command line names."""
     return {name: value for name, value in options.items() if value is not None}

@@ -22,6 +22,7 @@ from umbrae.options import (
     DEFAULT_UP,
     Counter,
     Counting,
+    Culling,
     Determinism,
     Epsilon,
     EpsilonPx,
@@ -32,7 +33,6 @@ from umbrae.options import (
     LightSamples,
     MethodName,
     Model,
-    NoCulling,
     Opaque,
     Points,
     Quiet,
@@ -74,7 +74,7 @@ def render(
     counting: Counting = None,
     determinism: Determinism = None,
     counter: Counter = None,
-    no_culling: NoCulling = False,
+    culling: Culling = None,
     silhouette: Silhouette = None,
     epsilon: Epsilon = None,
     epsilon_px: EpsilonPx = None,
@@ -136,8 +136,8 @@ def render(
     """Render MODEL with exact shadows."""
     clock = Clock() if as_json or quiet else ConsoleClock()
     options = given(
-        counting=counting, determinism=determinism, counter=counter, light_samples=light_samples,
-        silhouette=silhouette, epsilon=epsilon, epsilon_px=epsilon_px, culling=False if no_culling else None,
+        counting=counting, determinism=determinism, counter=counter, culling=culling, light_samples=light_samples,
+        silhouette=silhouette, epsilon=epsilon, epsilon_px=epsilon_px,
     )  # fmt: skip
     algorithm = make_method(method, **options)
     filtered, sized = is_filtered(antialiasing, samples_per_pixel, algorithm), light_radius > 0 or sun_diameter > 0

@@ -19,6 +19,7 @@ from umbrae.options import (
     DEFAULT_UP,
     Counter,
     Counting,
+    Culling,
     Determinism,
     Eye,
     Fov,
@@ -26,7 +27,6 @@ from umbrae.options import (
     LightRadius,
     LightSamples,
     Model,
-    NoCulling,
     Opaque,
     Points,
     Quiet,
@@ -81,7 +81,7 @@ def verify(
     counting: Counting = None,
     determinism: Determinism = None,
     counter: Counter = None,
-    no_culling: NoCulling = False,
+    culling: Culling = None,
     count: Annotated[int, typer.Option(min=1, metavar="N", help="Samples to check.")] = 20_000,
     size: SizeOption = DEFAULT_SIZE,
     eye: Eye = None,
@@ -101,13 +101,10 @@ def verify(
     """Compare random samples of a picture with the oracle; exit status 1 if a method breaks its guarantee."""
     clock = Clock() if as_json or quiet else ConsoleClock()
     every = method == EVERY
-    algorithms = _algorithms(
-        method,
-        given(
-            counting=counting, determinism=determinism, counter=counter, light_samples=light_samples,
-            culling=False if no_culling else None,
-        ),
-    )  # fmt: skip
+    options = given(
+        counting=counting, determinism=determinism, counter=counter, culling=culling, light_samples=light_samples
+    )
+    algorithms = _algorithms(method, options)
     judge = make_method(JUDGE, **given(light_samples=light_samples))
     arguments.check_light_samples(light_samples, light_radius, sun_diameter)
     scene = load(model, clock, opaque=opaque)

@@ -36,6 +36,16 @@ def cast_depth(session: Session, target: DepthTarget, slope: float) -> None:
     gl.glPolygonOffset(-slope, 0.0)
 
 
+def test_depth(session: Session, target: CountTarget) -> None:
+    """Fragments strictly nearer than the stored depth pass; nothing is written."""
+    gl = session.gl
+    _use(session, target)
+    gl.glDepthMask(False)
+    gl.glPolygonMode(gl.GL_FRONT_AND_BACK, gl.GL_FILL)
+    gl.glDepthFunc(gl.GL_GREATER)
+    gl.glColorMask(False, False, False, False)
+
+
 def count_faces(
     session: Session, target: CountTarget, behind: bool, depth_test: bool = True, outlines: bool = False
 ) -> None:

@@ -14,6 +14,7 @@ from umbrae.geometry.normals import facet_normals
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.method import Caster, require_solid
+from umbrae.methods.volumes.culling import Culling
 from umbrae.methods.volumes.engine import CONSTANTS, STENCIL_LEVELS, CountingEngine
 from umbrae.methods.volumes.eye import contour_vertices, count_at_eye, crossed_caps, light_spread
 from umbrae.methods.volumes.mesh import VolumeMesh, volume_mesh
@@ -41,6 +42,13 @@ class VolumeCaster(CountingEngine, Caster):
         self.method = method
         self._normals = facet_normals(scene.positions, scene.triangles)
         super().__init__(scene, method.name, self._weld(scene, clock), clock)
+        self._find_objects(clock)
+
+    def _find_objects(self, clock: Clock) -> None:
+        if self.method.culling:
+            source = self.mesh.source
+            with clock.span("objects"):
+                self.culling = Culling(self.scene.positions, self.scene.triangles[source], self.scene.object_id[source])
 
     def _weld(self, scene: Scene, clock: Clock) -> VolumeMesh:
         with clock.span("weld"):
@@ -53,8 +61,11 @@ class VolumeCaster(CountingEngine, Caster):
         self._normals = facet_normals(scene.positions, scene.triangles)
         if still_welded(self._welded, scene.positions):
             self.move(self.mesh.moved(scene, self._welded), clock)
+            if self.culling is not None:
+                self.culling.move(scene.positions, scene.triangles[self.mesh.source])
         else:
             self.load(self._weld(scene, clock), clock)
+            self._find_objects(clock)
 
     def shadow(self, light: Light, samples: ViewSamples, clock: Clock | None = None) -> ShadowMask:
         clock = clock or Clock()
@@ -129,19 +140,22 @@ class VolumeCaster(CountingEngine, Caster):
     def capped(self, camera: Camera, behind: bool, casting: NDArray[np.bool_] | None) -> NDArray[np.int32]:
         """`(n,)` triangles of the mesh whose caps must be drawn: all of them for z-fail, few for z-pass (see `eye`)."""
         mesh, topology = self.mesh, self.mesh.edges
+        if casting is None:
+            casting = np.ones(len(mesh.triangles), bool)
         if behind:
-            all_of_them = np.arange(len(mesh.triangles), dtype=np.int32)
-            return all_of_them if casting is None else all_of_them[casting]
+            return np.flatnonzero(casting).astype(np.int32)
+        wanted = np.zeros(len(mesh.positions), bool)
+        wanted[mesh.triangles[casting]] = True
         at_contour = contour_vertices(
             mesh.positions, mesh.triangles, topology.offsets, topology.triangle, mesh.sign, topology.vertices,
-            camera.eye * mesh.scale,
+            camera.eye * mesh.scale, wanted,
         )  # fmt: skip
         world_to_clip = camera.world_to_clip
         world_to_clip[:, 3] *= mesh.scale
         # Room for rounding at the near plane, and two pixels for samples off a pixel's centre.
         near, slack = 1.001 * camera.near * mesh.scale, 1e-3 + 2.0 / min(camera.width, camera.height)
-        crossed = crossed_caps(mesh.positions, mesh.triangles, at_contour, world_to_clip, near, slack)
-        return np.flatnonzero(crossed if casting is None else crossed & casting).astype(np.int32)
+        crossed = crossed_caps(mesh.positions, mesh.triangles, at_contour, casting, world_to_clip, near, slack)
+        return np.flatnonzero(crossed).astype(np.int32)
 
 
 class SilhouetteCaster(VolumeCaster):

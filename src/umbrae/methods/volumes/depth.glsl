@@ -10,8 +10,10 @@ void main() {
 uniform sampler2D distances;  // along the view direction in world units, infinite for background
 uniform float depth_scale;
 uniform float world_scale;
+uniform float background;  // its depth
 
 void main() {
-    gl_FragDepth = depth_scale / (texelFetch(distances, ivec2(gl_FragCoord.xy), 0).r * world_scale);
+    float distance = texelFetch(distances, ivec2(gl_FragCoord.xy), 0).r;
+    gl_FragDepth = isinf(distance) ? background : depth_scale / (distance * world_scale);
 }
 #endif

@@ -19,6 +19,7 @@ from umbrae.gl.state import count_faces, push_back, write_depth
 from umbrae.gl.targets import CountTarget, count_target
 from umbrae.light import Light
 from umbrae.memory import require
+from umbrae.methods.volumes.culling import Culling, Kept, ask_boxes
 from umbrae.methods.volumes.mesh import VolumeMesh
 from umbrae.methods.volumes.view import Rounding, far_plane, view_uniforms
 from umbrae.projection import Uniforms
@@ -57,6 +58,10 @@ class CountingEngine(ABC):
     """Whether dark caps come with the sides."""
     draws_all_caps: ClassVar[bool] = False
     """Whether light and dark caps come with the sides."""
+    culling: Culling | None = None
+    """What tells which triangles can be left out of a frame."""
+    kept: NDArray[np.bool_] | None = None
+    """`(t,)` the triangles chosen; None for all."""
 
     def __init__(self, scene: Scene, name: str, mesh: VolumeMesh, clock: Clock) -> None:
         self.scene, self.name = scene, name
@@ -75,6 +80,8 @@ class CountingEngine(ABC):
             if len(self.mesh.triangles):
                 self.upload(clock)
                 self.upload_places(clock)
+                self.kept = None
+                self.choose(None)
 
     def move(self, mesh: VolumeMesh, clock: Clock) -> None:
         """Write anew where the vertices are; `mesh` has the triangles of the one before."""
@@ -94,6 +101,10 @@ class CountingEngine(ABC):
 
     def upload_places(self, clock: Clock) -> None:  # noqa: B027
         """Make what depends on where the vertices are, with the context current."""
+
+    def choose(self, kept: NDArray[np.bool_] | None) -> None:
+        """Draw, from now on, the volumes of the triangles `kept (t,)` alone; None for all. With the context current."""
+        self.kept_index = self.triangle_index if kept is None else self.buffer(self.mesh.triangles[kept])
 
     @property
     def cap_constants(self) -> dict[str, int | str]:
@@ -148,6 +159,7 @@ class CountingEngine(ABC):
         if not len(self.mesh.triangles):
             return np.zeros(samples.shape, np.int32)
         with self.session.current() as current:
+            self._keep(None)
             target = count_target(current, camera.width, camera.height, stencil=False)
             frame = Frame(light, True, False, view_uniforms(camera, light, self.mesh.scale, 0, 1))
             self.extract(frame, Clock())
@@ -167,6 +179,7 @@ class CountingEngine(ABC):
         if not len(self.mesh.triangles):
             return np.zeros(samples.shape, np.int32)
         with self.session.current() as current:
+            self._keep(None)
             target = count_target(current, camera.width, camera.height, stencil=False)
             frame = Frame(light, False, False, view_uniforms(camera, light, self.mesh.scale, 0, 1), every_face=True)
             self.extract(frame, Clock())
@@ -202,7 +215,11 @@ class CountingEngine(ABC):
         per_pixel, bits = count.shape[2], current.integer("GL_SUBPIXEL_BITS")
         with clock.span("eye"):
             casting = self.casting(light)
-            behind, start, camera = self.counting(light, camera, rounding, casting, samples.looks_through)
+            near = casting
+            if self.culling is not None:
+                near = self.culling.around_eye(light, camera, rounding)
+                near = near if casting is None else near & casting
+            behind, start, camera = self.counting(light, camera, rounding, near, samples.looks_through)
         end = far_plane(self.scene, camera, light, self.mesh.scale)
         frames = [
             Frame(
@@ -213,16 +230,27 @@ class CountingEngine(ABC):
             )
             for sample in range(per_pixel)
         ]
-        with clock.span("contours"):
-            capped = np.zeros(0, np.int32) if self.draws_all_caps else self.capped(camera, behind, casting)
         target = count_target(current, camera.width, camera.height, self.stencil)
-        with stage(current, clock, "extract"):
-            stats = self.extract(frames[0], clock)
-        updates = 0
+        stats: dict[str, int] = {}
+        capped = np.zeros(0, np.int32)
+        updates, queries, drawn = 0, 0, np.zeros(len(self.mesh.triangles), bool)
         for sample, frame in enumerate(frames):
             part = samples if len(samples.shape) == 2 else _part(samples, sample)
             with stage(current, clock, "depth"):
                 self._draw_depth(target, frame, part, start)
+            before = self.kept
+            if self.culling is not None:
+                with stage(current, clock, "cull"):
+                    found = self._cull(self.culling, target, frame, camera, rounding)
+                queries += found.queries
+                with clock.span("choose"):
+                    self._keep(found.triangles)
+            drawn |= True if self.kept is None else self.kept
+            if sample == 0 or self.kept is not before:
+                with stage(current, clock, "extract"):
+                    stats = self.extract(frame, clock)
+                with clock.span("contours"):
+                    capped = self._capped(camera, behind, casting)
             count_faces(current, target, behind)
             with samples_passed(current) as passed:
                 with stage(current, clock, "sides"):
@@ -234,12 +262,42 @@ class CountingEngine(ABC):
             updates += passed[0]
             with clock.span("read"):
                 count[..., sample] = target.read()
-        return {**stats, "zfail": int(behind), "volumes_at_eye": start, "caps": len(capped), "counter_updates": updates}
+        stats |= {"zfail": int(behind), "volumes_at_eye": start, "caps": len(capped), "counter_updates": updates}
+        if self.culling is not None:
+            stats |= {"culled": int(np.count_nonzero(~drawn)), "queries": queries}
+        return stats
+
+    def _capped(self, camera: Camera, behind: bool, casting: NDArray[np.bool_] | None) -> NDArray[np.int32]:
+        """`(n,)` triangles whose caps must be drawn, of those that are kept."""
+        if self.draws_all_caps:
+            return np.zeros(0, np.int32)
+        if self.kept is not None:
+            casting = self.kept if casting is None else casting & self.kept
+        return self.capped(camera, behind, casting)
+
+    def _keep(self, kept: NDArray[np.bool_] | None) -> None:
+        if kept is not self.kept:
+            self.kept = kept
+            self.choose(kept)
+
+    def _cull(self, culling: Culling, target: CountTarget, frame: Frame, camera: Camera, rounding: Rounding) -> Kept:
+        """The triangles that must be drawn, by the depths of the samples in the target."""
+        scale = self.mesh.scale
+        far = np.array(frame.uniforms["far_plane"]) / (1.0, 1.0, 1.0, scale)
+        # What ends in the plane, rounded, may lie beyond it: boxes end later.
+        far[3] += sum(rounding.box_margin) if far[:3].any() else 0.0
+        uniforms = {**frame.uniforms, "far_plane": (*far[:3], far[3] * scale)}
+        return culling.kept(
+            frame.light, camera, far, rounding,
+            lambda lower, upper: ask_boxes(self.session, target, uniforms, lower * scale, upper * scale),
+        )  # fmt: skip
 
     def _draw_depth(self, target: CountTarget, frame: Frame, samples: ViewSamples, start: int) -> None:
         target.clear(start % STENCIL_LEVELS if target.stencil else start)
         drawn = program(self.session, HERE / "depth.glsl")
         apply(drawn, frame.uniforms)
+        # No verdict is asked of the background: nothing lies before it, or behind. In figures volumes stand before it.
+        drawn["background"].value = 0.0 if frame.behind or frame.every_face else 1.0
         write_depth(self.session, target)
         assert samples.depth is not None
         self._texture("distances", samples.depth).use(0)

@@ -103,14 +103,18 @@ def contour_vertices(
     edge_sign: NDArray[np.int8],
     edge_vertices: NDArray[np.int32],
     eye: NDArray[np.float64],
+    wanted: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
-    """`(v,)` the vertices of edges with more triangles on one side than on the other, seen from `eye (3,)`."""
+    """`(v,)` the vertices of edges with more triangles on one side than on the other, seen from `eye (3,)`.
+
+    Right for the vertices `wanted (v,)`; what is far from them is not looked at.
+    """
     side = np.empty(len(triangles), np.int8)
     marked = np.zeros(len(positions), bool)
     triangle_chunks, edge_chunks = _chunks(len(triangles)), _chunks(len(edge_vertices))
-    run(lambda i: _sides(positions, triangles, eye, *triangle_chunks[i], side), len(triangle_chunks))
+    run(lambda i: _sides(positions, triangles, eye, wanted, *triangle_chunks[i], side), len(triangle_chunks))
     run(
-        lambda i: _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, *edge_chunks[i], marked),
+        lambda i: _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, wanted, *edge_chunks[i], marked),
         len(edge_chunks),
     )
     return marked
@@ -120,18 +124,19 @@ def crossed_caps(
     positions: NDArray[np.float32],
     triangles: NDArray[np.int32],
     at_contour: NDArray[np.bool_],
+    casting: NDArray[np.bool_],
     world_to_clip: NDArray[np.float64],
     near: float,
     slack: float,
 ) -> NDArray[np.bool_]:
     """`(t,)` the triangles whose caps a view ray may cross.
 
-    Those that touch a vertex `at_contour (v,)`, or reach before the `near` plane; unless they lie outside of the
-    picture, by more than `slack` as a share of it.
+    Those `casting (t,)` that touch a vertex `at_contour (v,)`, or reach before the `near` plane; unless they lie out of
+    the picture, by more than `slack` as a share of it.
     """
     crossed = np.zeros(len(triangles), bool)
     chunks = _chunks(len(triangles))
-    arrays = positions, triangles, at_contour, world_to_clip
+    arrays = positions, triangles, at_contour, casting, world_to_clip
     run(lambda i: _crossed(*arrays, near, slack, *chunks[i], crossed), len(chunks))
     return crossed
 
@@ -141,10 +146,12 @@ def _chunks(count: int) -> list[tuple[int, int]]:
 
 
 @kernel
-def _sides(positions, triangles, eye, start, stop, side):
+def _sides(positions, triangles, eye, wanted, start, stop, side):
     """The side of each triangle that the eye sees, in float64; 0 where rounding leaves it open."""
     for t in range(start, stop):
         i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        if not (wanted[i] or wanted[j] or wanted[k]):
+            continue
         ax, ay, az = np.float64(positions[i, 0]), np.float64(positions[i, 1]), np.float64(positions[i, 2])
         value, bound = filtered_determinant(
             positions[j, 0] - ax, positions[j, 1] - ay, positions[j, 2] - az,
@@ -155,8 +162,10 @@ def _sides(positions, triangles, eye, start, stop, side):
 
 
 @kernel
-def _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, start, stop, marked):
+def _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, wanted, start, stop, marked):
     for edge in range(start, stop):
+        if not (wanted[edge_vertices[edge, 0]] or wanted[edge_vertices[edge, 1]]):
+            continue
         total = 0
         open_case = False
         for entry in range(offsets[edge], offsets[edge + 1]):
@@ -169,8 +178,10 @@ def _mark(offsets, edge_triangle, edge_sign, edge_vertices, side, start, stop, m
 
 
 @kernel
-def _crossed(positions, triangles, at_contour, world_to_clip, near, slack, start, stop, crossed):
+def _crossed(positions, triangles, at_contour, casting, world_to_clip, near, slack, start, stop, crossed):
     for t in range(start, stop):
+        if not casting[t]:
+            continue
         chosen = False
         left, right, below, above, behind = True, True, True, True, True
         for k in range(3):

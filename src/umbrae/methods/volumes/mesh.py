@@ -72,6 +72,13 @@ class VolumeMesh:
         )
         return made
 
+    def opposite_of(self, kept: NDArray[np.bool_] | None) -> NDArray[np.int32]:
+        """`opposite`, but for triangles not `kept (t,)`: their edge's lower end, which counts for nothing."""
+        if kept is None:
+            return self.opposite
+        lower = np.repeat(self.edges.vertices[:, 0], self.edges.count)
+        return np.where(kept[self.edges.triangle], self.opposite, lower)
+
 
 def volume_mesh(scene: Scene, welded: NDArray[np.int32]) -> VolumeMesh:
     """Order the corners of a scene's triangles; `welded (v,)` as of `edges.weld`."""

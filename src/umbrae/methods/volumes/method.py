@@ -26,10 +26,13 @@ class VolumeMethod(Method):
     counter
         `stencil` has 8 bits, wraps around, and counts by ones; `float` is a 32-bit float target with additive blending
         that takes any step. `auto` takes the stencil only where no sample can lie in 256 volumes or more.
+    culling
+        Whether objects whose shadow cannot be seen are left out (see `culling`). It changes no verdict.
     """
 
     counting: str = "auto"
     counter: str = "auto"
+    culling: bool = True
 
     guarantee: ClassVar[Guarantee] = Guarantee.BANDED
     engine: ClassVar[str] = "OpenGL"
@@ -38,6 +41,8 @@ class VolumeMethod(Method):
     def __post_init__(self) -> None:
         _one_of(self.counting, COUNTING, f"{self.name}: counting")
         _one_of(self.counter, COUNTER, f"{self.name}: counter")
+        if not isinstance(self.culling, bool):
+            raise OptionError(f"{self.name}: culling: wanted True or False, got {shown(self.culling)}")
 
 
 @dataclass(frozen=True)

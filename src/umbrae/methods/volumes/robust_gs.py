@@ -46,13 +46,21 @@ class RobustGsCaster(VolumeCaster):
     """Triangles with their neighbours, and the solids among them."""
 
     def upload(self, clock: Clock) -> None:
-        self._adjacency = self.buffer(adjacency(self.mesh.winding))
+        self._rows, self._beside = adjacency(self.mesh.winding)
 
     def upload_places(self, clock: Clock) -> None:
         with clock.span("solids"):
             everything = np.ones(len(self.scene.triangles), bool)
             self._solids = find_solids(self.scene.positions, self.scene.triangles, everything)
         self._solid = self._solids.of[self.mesh.source]
+
+    def choose(self, kept: NDArray[np.bool_] | None) -> None:
+        rows = self._rows
+        if kept is not None:
+            rows = rows[kept]
+            lost = (self._beside[kept] >= 0) & ~kept[self._beside[kept]]
+            rows[:, 1::2] = np.where(lost, rows[:, ::2], rows[:, 1::2])
+        self._adjacency = self.buffer(rows)
 
     def casting(self, light: Light) -> NDArray[np.bool_] | None:
         cheap = self._cheap(light)
@@ -62,7 +70,8 @@ class RobustGsCaster(VolumeCaster):
         return ~cheap | (facing > 0)
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
-        self.buffer(self._cheap(frame.light).astype(np.int32)).bind_to_storage_buffer(1)
+        cheap = self._cheap(frame.light).astype(np.int32)
+        self.buffer(cheap if self.kept is None else cheap[self.kept]).bind_to_storage_buffer(1)
         self.draw("robust_gs.glsl", frame, self._adjacency, "TRIANGLES_ADJACENCY")
 
     def _cheap(self, light: Light) -> NDArray[np.bool_]:
@@ -75,13 +84,15 @@ class RobustGsCaster(VolumeCaster):
         return cheap
 
 
-def adjacency(winding: NDArray[np.int32]) -> NDArray[np.int32]:
+def adjacency(winding: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """`(t, 6)` corner and neighbour in turn, from welded `winding (t, 3)`; no neighbour is the corner before once more.
+
+    Also `(t, 3)` the triangles that these neighbours belong to, -1 for none.
 
     The neighbour behind an edge is the opposite vertex of the one other triangle that meets there, if there is just one
     and it runs along the edge in the other direction.
     """
-    made = np.repeat(winding, 2, axis=1)
+    made, beside = np.repeat(winding, 2, axis=1), np.full(winding.shape, -1, np.int32)
     topology = edges(winding)
     paired = np.flatnonzero((topology.count == 2) & (topology.balance == 0))
     first = topology.offsets[paired]
@@ -92,4 +103,5 @@ def adjacency(winding: NDArray[np.int32]) -> NDArray[np.int32]:
         slot = np.argmax(winding[triangle] == start[:, None], axis=1)
         opposite = winding[beyond].sum(axis=1, dtype=np.int64) - low - high
         made[triangle, 2 * slot + 1] = opposite
-    return made
+        beside[triangle, slot] = beyond
+    return made, beside

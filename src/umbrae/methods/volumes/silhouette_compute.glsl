@@ -19,10 +19,12 @@ vec3 vertex_position(int id) {
 #ifdef SIDES_OF_TRIANGLES
 layout(std430, binding = 1) readonly buffer Triangles { int triangles[]; };  // corners in ascending order
 layout(std430, binding = 2) writeonly buffer Sides { int sides[]; };
+layout(std430, binding = 3) readonly buffer Kept { int kept[]; };  // triangles that are looked at
 
 void main() {
     int t = number();
     if (t >= count) return;
+    t = kept[t];
     vec3 a = vertex_position(triangles[3 * t]), b = vertex_position(triangles[3 * t + 1]);
     sides[t] = contribution(0, 1, 2, a, b, vertex_position(triangles[3 * t + 2]));
 }

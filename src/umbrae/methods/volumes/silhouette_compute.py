@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbrae.clock import Clock
 from umbrae.errors import GraphicsError
+from umbrae.gl.compute import clear
 from umbrae.gl.program import apply, program
 from umbrae.methods.volumes.caster import SilhouetteCaster
 from umbrae.methods.volumes.engine import HERE, Frame
@@ -45,11 +47,10 @@ class SilhouetteComputeCaster(SilhouetteCaster):
     def upload(self, clock: Clock) -> None:
         mesh, topology = self.mesh, self.mesh.edges
         context = self.session.moderngl
-        by_edge = self.method.determinism == "none"
-        adjacent = mesh.opposite if by_edge else (topology.triangle + 1) * mesh.sign.astype(np.int32)
         self._edge_count = len(topology.vertices)
         self._edges = self.buffer(topology.vertices)
-        self._offsets, self._adjacent = self.buffer(topology.offsets.astype(np.int32)), self.buffer(adjacent)
+        self._offsets = self.buffer(topology.offsets.astype(np.int32))
+        self._adjacent = self.buffer((topology.triangle + 1) * mesh.sign.astype(np.int32))
         self._sides = context.buffer(reserve=4 * len(mesh.triangles))
         # A side for every edge; a counter that counts by ones may take one for every adjacency.
         room = len(mesh.opposite) if self.stencil else self._edge_count
@@ -62,10 +63,17 @@ class SilhouetteComputeCaster(SilhouetteCaster):
         self._entries: Any = context.buffer(reserve=room * _ENTRY_BYTES)
         self._command: Any = context.buffer(reserve=16)
 
+    def choose(self, kept: NDArray[np.bool_] | None) -> None:
+        looked_at = np.arange(len(self.mesh.triangles)) if kept is None else np.flatnonzero(kept)
+        self._kept, self._kept_count = self.buffer(looked_at.astype(np.int32)), len(looked_at)
+        clear(self.session, self._sides)  # of the others
+        if self.method.determinism == "none":
+            self._adjacent = self.buffer(self.mesh.opposite_of(kept))
+
     def extract(self, frame: Frame, clock: Clock) -> dict[str, int]:
         self._command.write(struct.pack("4I", 4, 0, 0, 0))
-        inputs = [self.vertices, self.triangle_index, self._sides]
-        self._dispatch({"SIDES_OF_TRIANGLES": 1}, frame, len(self.mesh.triangles), inputs)
+        inputs = [self.vertices, self.triangle_index, self._sides, self._kept]
+        self._dispatch({"SIDES_OF_TRIANGLES": 1}, frame, self._kept_count, inputs)
         inputs = [self.vertices, self._edges, self._sides, self._offsets, self._adjacent, self._entries, self._command]
         self._dispatch({} if frame.stencil else {"FLOAT_COUNTER": 1}, frame, self._edge_count, inputs)
         return {}
@@ -89,6 +97,8 @@ class SilhouetteComputeCaster(SilhouetteCaster):
         array = context.vertex_array(drawn, [(self._entries, "3f 3f 1i/i", "a", "b", "multiplicity")])
         array.render_indirect(self._command, context.TRIANGLE_STRIP, 1)
 
-    def prepare_program(self, drawn: Any, frame: Frame) -> None:
-        super().prepare_program(drawn, frame)
-        self._sides.bind_to_storage_buffer(1)
+    def bind_sides(self, capped: NDArray[np.int32]) -> None:
+        sides = self._sides
+        if len(capped) < len(self.mesh.triangles):
+            sides = self.buffer(np.frombuffer(sides.read(), np.int32)[capped])
+        sides.bind_to_storage_buffer(1)

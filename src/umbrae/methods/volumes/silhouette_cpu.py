@@ -49,17 +49,20 @@ class SilhouetteCpuCaster(SilhouetteCaster):
         light = np.array(frame.uniforms["light"], np.float32)
         multiplicity = np.empty(len(topology.vertices), np.int32)
         chunks = [(start, min(start + _CHUNK, len(multiplicity))) for start in range(0, len(multiplicity), _CHUNK)]
+        kept = np.arange(len(mesh.triangles)) if self.kept is None else np.flatnonzero(self.kept)
+        triangles, sides = mesh.triangles[kept], np.zeros(len(mesh.triangles), np.int8)
         if self.method.determinism == "reference-edge":
-            side = facing_of_all(mesh.positions, mesh.triangles, light)
+            facing = facing_of_all(mesh.positions, triangles, light)
         else:
-            side = np.empty(len(mesh.triangles), np.int8)
-            _face_by_edges(mesh.positions, mesh.triangles, light, self.method.determinism == "three-edge", side)
-        self._side = side.astype(np.int32)
+            facing = np.empty(len(kept), np.int8)
+            _face_by_edges(mesh.positions, triangles, light, self.method.determinism == "three-edge", facing)
+        sides[kept] = facing
+        self._side = sides.astype(np.int32)
         if self.method.determinism == "none":
-            soup = mesh.positions, topology.vertices, topology.offsets, mesh.opposite
+            soup = mesh.positions, topology.vertices, topology.offsets, mesh.opposite_of(self.kept)
             run(lambda i: _sum_by_edge(*soup, light, *chunks[i], multiplicity), len(chunks))
         else:
-            arrays = topology.offsets, topology.triangle, mesh.sign, side
+            arrays = topology.offsets, topology.triangle, mesh.sign, sides
             run(lambda i: _sum(*arrays, *chunks[i], multiplicity), len(chunks))
         found = np.flatnonzero(multiplicity)
         m = multiplicity[found]

@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbrae.clock import Clock
+from umbrae.geometry.patches import edge_patches, split_edges
 from umbrae.methods.volumes.caster import SilhouetteCaster
 from umbrae.methods.volumes.engine import Frame
 from umbrae.methods.volumes.method import SilhouetteMethod
@@ -32,14 +34,13 @@ class SilhouetteGsCaster(SilhouetteCaster):
     """Edges between pairs of opposite vertices."""
 
     def upload(self, clock: Clock) -> None:
-        topology, opposite = self.mesh.edges, self.mesh.opposite
-        place = np.arange(len(opposite)) - np.repeat(topology.offsets[:-1], topology.count)
-        first = np.flatnonzero(place % 2 == 0)
-        edge = np.repeat(np.arange(len(topology.vertices)), topology.count)[first]
-        a, b = topology.vertices[edge].T
-        paired = place[first] + 1 < topology.count[edge]
-        second = np.where(paired, opposite[np.minimum(first + 1, len(opposite) - 1)], a)
-        self._lines = self.buffer(np.stack([opposite[first], a, b, second], axis=1).astype(np.int32))
+        self._parts = split_edges(self.mesh.edges, 2)
+
+    def choose(self, kept: NDArray[np.bool_] | None) -> None:
+        patches = edge_patches(self.mesh.edges, self.mesh.opposite, self._parts, kept)
+        # Where there is no second opposite vertex, the lower end takes its place.
+        lines = [ids[:, [2, 0, 1, 3 % (2 + size)]] for size, ids in patches.items()]
+        self._lines = self.buffer(np.concatenate(lines))
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
         self.draw("silhouette_gs.glsl", frame, self._lines, "LINES_ADJACENCY", self.multiplicity_constants)

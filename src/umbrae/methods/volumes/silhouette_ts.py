@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbrae.clock import Clock
+from umbrae.geometry.patches import edge_patches, split_edges
 from umbrae.methods.volumes.caster import SilhouetteCaster
 from umbrae.methods.volumes.engine import Frame
 from umbrae.methods.volumes.method import SilhouetteMethod
@@ -36,18 +38,11 @@ class SilhouetteTsCaster(SilhouetteCaster):
     """Edges in groups by the number of their opposite vertices."""
 
     def upload(self, clock: Clock) -> None:
-        topology, opposite = self.mesh.edges, self.mesh.opposite
-        most = self.session.integer("GL_MAX_PATCH_VERTICES") - 2
-        parts = -(-topology.count // most)
-        edge = np.repeat(np.arange(len(parts)), parts)
-        part = np.arange(len(edge)) - np.repeat(np.cumsum(parts) - parts, parts)
-        begin = topology.offsets[edge] + part * most
-        count = np.minimum(topology.offsets[edge + 1] - begin, most)
-        self._patches: dict[int, Any] = {}
-        for opposites in np.unique(count):
-            chosen = np.flatnonzero(count == opposites)
-            ids = opposite[begin[chosen][:, None] + np.arange(opposites)]
-            self._patches[int(opposites) + 2] = self.buffer(np.hstack([topology.vertices[edge[chosen]], ids]))
+        self._parts = split_edges(self.mesh.edges, self.session.integer("GL_MAX_PATCH_VERTICES") - 2)
+
+    def choose(self, kept: NDArray[np.bool_] | None) -> None:
+        made = edge_patches(self.mesh.edges, self.mesh.opposite, self._parts, kept)
+        self._patches: dict[int, Any] = {size + 2: self.buffer(ids) for size, ids in made.items() if len(ids)}
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
         for size, index in self._patches.items():

@@ -30,4 +30,4 @@ class TriangleGsCaster(VolumeCaster):
     """Nothing but the triangles."""
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
-        self.draw("triangle_gs.glsl", frame, self.triangle_index, "TRIANGLES")
+        self.draw("triangle_gs.glsl", frame, self.kept_index, "TRIANGLES")

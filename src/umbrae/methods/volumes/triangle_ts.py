@@ -38,4 +38,4 @@ class TriangleTsCaster(VolumeCaster):
 
     def draw_sides(self, frame: Frame, samples: ViewSamples) -> None:
         self.session.moderngl.patch_vertices = 3
-        self.draw("triangle_ts.glsl", frame, self.triangle_index, "PATCHES")
+        self.draw("triangle_ts.glsl", frame, self.kept_index, "PATCHES")

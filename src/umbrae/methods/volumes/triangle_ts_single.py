@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbrae.clock import Clock
 from umbrae.gl.program import program
@@ -42,7 +43,10 @@ class TriangleTsSingleCaster(VolumeCaster):
     def upload(self, clock: Clock) -> None:
         triangles = self.mesh.triangles
         numbers = np.arange(len(triangles), dtype=np.int32)
-        self._quads = self.buffer(np.column_stack([triangles, numbers]))
+        self._numbered = np.column_stack([triangles, numbers])
+
+    def choose(self, kept: NDArray[np.bool_] | None) -> None:
+        self._quads = self.buffer(self._numbered if kept is None else self._numbered[kept])
 
     def upload_places(self, clock: Clock) -> None:
         # Numbers are indices of vertices to OpenGL: there must be as many.

@@ -108,6 +108,18 @@ class Rounding:
         pixel = camera.pixel_size * 2.0**-subpixel_bits + 2.0**-20
         return cls(pixel, (reach + extent) * 2.0**-20, extent * spread * 2.0**-22)
 
+    @property
+    def box_margin(self) -> tuple[float, float]:
+        """World units by which a box must be widened so that, drawn, it holds all that is drawn of its content.
+
+        Content and box may each be off by `pixel` times the distance, `world` and `turned`. The distance is at most the
+        eye's reach: what lies farther lies behind all samples. The first number is for the content and all of the box
+        but `turned`, the second for that, for each unit of the spread of its own edges. Reach and extent are each less
+        than 2**20 `world`.
+        """
+        reach = self.world * 2.0**20
+        return 2.0 * self.pixel * reach + 2.0 * self.world + self.turned, reach * 2.0**-22
+
     def band(self, samples: ViewSamples, normals: NDArray[np.float32]) -> NDArray[np.float32]:
         """`(...)` world units, 0 for background; `normals (t, 3)` are the triangles' own, of length 1."""
         assert samples.depth is not None and samples.camera is not None
