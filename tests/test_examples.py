@@ -24,6 +24,7 @@ SAYS = {
     r"smooth: \d\d samples change with the mesh, 0 by more than a pixel\n",
     "stained_glass": r"(layer \d: +\d+\.\d\d% of the picture\n){5,8}",
     "sun_hours": r"(2026-\d\d-2\d: +\d+\.\d h of day, north \d\.\d h, south \d\.\d h\n){3}",
+    "town_walk": r"(walk \d: [789]\d% of the triangles left out\n){4}(flight \d: \d+% of the triangles left out\n){4}",
     "tree_shadows": r"([a-z ]{10}( \d\d\.\d%){3} of red, green, blue reaches the floor\n){5}",
     "two_lights": r"no sun:  +\d+\.\d%\nno lamp: +\d+\.\d%\nneither: +\d+\.\d%\n",
 }
