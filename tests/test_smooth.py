@@ -217,13 +217,15 @@ def deep(dark: np.ndarray, ground: np.ndarray, pixels: int = 4) -> np.ndarray:
     return dark & ground & ~lit
 
 
+@pytest.mark.usefixtures("opengl")
 def test_contours_that_fold_over_other_parts_let_no_light_through():
     scene = above_ground(lump(14, 11), 2.2).smoothed(90)
     samples = sample(scene, CAMERA)
     ground, light = on_ground(samples), LIGHTS["point"]
     core = deep(shadow(scene, light, samples).in_shadow, ground)
     assert core.sum() > 1000
-    assert not (core & ~shadow(scene, light, samples, Smooth()).in_shadow).any()
+    for method in ("smooth", "smooth-gl"):
+        assert not (core & ~shadow(scene, light, samples, method).in_shadow).any(), method
 
 
 def test_only_what_is_connected_cancels():
@@ -253,9 +255,7 @@ def test_discrete_is_the_frustum_method(kind):
 @pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("silhouette", ["smooth", "accurate", "discrete"])
 @pytest.mark.parametrize("name", SHAPES)
-def test_the_gpu_counts_the_same(name, silhouette, monkeypatch):
-    # It has nothing but its counter: what cancels, cancels.
-    monkeypatch.setattr("umbrae.methods.smooth.cpu.settle_doubts", lambda *_: None)
+def test_the_gpu_counts_the_same(name, silhouette):
     scene = above_ground(turned(SHAPES[name][0]))
     samples = sample(scene, CAMERA)
     for kind, light in LIGHTS.items():

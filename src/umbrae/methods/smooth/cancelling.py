@@ -10,52 +10,37 @@ triangles are connected, by common vertices, may cancel each other.
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.geometry.bvh import LEAF, STACK, BoxTree, segment_meets_box
+from umbrae.geometry.bvh import LEAF, STACK, segment_meets_box
 from umbrae.geometry.predicates import SHADOWED, shadows, surface_point
-from umbrae.methods.frustum_leaves import Receivers
+from umbrae.light import Light
+from umbrae.methods.smooth.casting import Casting
 from umbrae.methods.smooth.silhouette import way_at
 from umbrae.parallel import kernel, run
+from umbrae.samples import ViewSamples
 
 MOST = 64
 """Crossings of one ray; where there are more it counts as in shadow."""
 
-_SAMPLES_PER_TASK = 256
+_SAMPLES_PER_TASK = 4096
 
 
 def settle_doubts(
-    doubt: NDArray[np.bool_],
-    own: NDArray[np.int32],
-    receivers: Receivers,
-    tree: BoxTree,
-    numbers: NDArray[np.int32],
-    corners: NDArray[np.int32],
-    weight: NDArray[np.int32],
-    facing: NDArray[np.int8],
-    source: NDArray[np.int32],
-    surface: tuple[NDArray[np.int32], NDArray[np.int8], NDArray[np.float64]],
-    in_shadow: NDArray[np.bool_],
+    casting: Casting, light: Light, samples: ViewSamples, doubt: NDArray[np.bool_], in_shadow: NDArray[np.bool_]
 ) -> None:
-    """Set those samples `(n,)` in shadow of which crossings cancel that do not belong together.
-
-    Parameters
-    ----------
-    own
-        `(n,)` the samples' triangles.
-    tree, numbers
-        Boxes over those triangles of the receivers' soup that count, and `(m,)` their numbers in it.
-    corners, weight, facing, source
-        Of all `(k,)` triangles: `(k, 3)` the mesh's vertices around each, what it counts, the side that the light is
-        on, and whose samples it does not shade.
-    surface
-        Chain, turned and values, as `way_at` takes them.
-    """
+    """Set those samples that are in `doubt (n,)` in shadow of which crossings cancel that do not belong together."""
     found = np.flatnonzero(doubt)
-    soup = receivers.positions, receivers.triangles, receivers.light
-    samples = own, receivers.barycentric, receivers.side, receivers.position
+    raw = (
+        samples.triangle.reshape(-1),
+        samples.barycentric.reshape(-1, 2),
+        samples.side.reshape(-1),
+        samples.position.reshape(-1, 3),
+    )
+    soup = casting.soup.positions, casting.soup.triangles, light.position.astype(np.float64)
+    about = casting.boxes, casting.doubtful, casting.corners, casting.weight, casting.facing, casting.source
 
     def task(i: int) -> None:
         part = found[i * _SAMPLES_PER_TASK : (i + 1) * _SAMPLES_PER_TASK]
-        settle(part, *samples, *soup, tree, numbers, corners, weight, facing, source, *surface, in_shadow)
+        settle(part, *raw, *soup, *about, *casting.own, in_shadow)
 
     run(task, -(-len(found) // _SAMPLES_PER_TASK) or 1)  # compiled also where nothing is in doubt
 

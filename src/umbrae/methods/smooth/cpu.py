@@ -1,16 +1,12 @@
 """Shadows with smooth boundaries of coarse meshes with smooth normals, counted exactly on the CPU."""
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from umbrae.clock import Clock
-from umbrae.geometry.bvh import BoxTree
-from umbrae.geometry.bvh import build as build_boxes
-from umbrae.geometry.smooth_surface import SmoothSurface, bands, core
-from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.cluster_culling import choose_clusters
@@ -23,6 +19,7 @@ from umbrae.methods.light_frame import POSITION_ERROR, light_frames, surface_err
 from umbrae.methods.method import Caster, require_solid
 from umbrae.methods.sample_tree import bounds_with, build, hierarchy_bytes
 from umbrae.methods.smooth.cancelling import settle_doubts
+from umbrae.methods.smooth.casting import Casting, casting_of
 from umbrae.methods.smooth.crossing_count import CERTAIN, counting, write_counts
 from umbrae.methods.smooth.silhouette import Silhouettes, SmoothMethod
 from umbrae.methods.transmission_buffer import merge_sums, reserve
@@ -70,25 +67,6 @@ class Smooth(SmoothMethod):
         return SmoothCaster(scene, self, clock)
 
 
-class _Casting(NamedTuple):
-    """One light's surface, all it consists of as a soup, and what each triangle of that does.
-
-    `weight (k,) int32` what a crossing counts; `source (k,) int32` the scene's triangle that each is a piece of, itself
-    for bands; `signed (t,) bool` the scene's triangles in parts that need counting; `facing (k,) int8`.
-    """
-
-    surface: SmoothSurface
-    soup: Scene
-    weight: NDArray[np.int32]
-    source: NDArray[np.int32]
-    core: NDArray[np.bool_]
-    corners: NDArray[np.int32]
-    facing: NDArray[np.int8]
-    added: TriangleClusters
-    doubtful: NDArray[np.int32]
-    boxes: BoxTree
-
-
 class SmoothCaster(Caster):
     """The mesh with its edges, and its triangles in clusters; the silhouette is found anew for each light."""
 
@@ -97,7 +75,7 @@ class SmoothCaster(Caster):
         self.scene, self.method = scene, method
         self.silhouettes = Silhouettes(scene, method, clock)
         self.clusters = cluster_triangles(scene, clock)
-        self._kept: _Casting | None = None
+        self._kept: tuple[Casting, TriangleClusters] | None = None
 
     def _place(self, scene: Scene, clock: Clock | None) -> None:
         self.scene, self._kept = scene, None
@@ -113,13 +91,13 @@ class SmoothCaster(Caster):
         if not len(self.scene.triangles) or not samples.size:
             return ShadowMask(in_shadow.reshape(samples.shape), Guarantee.EXACT, stats={"culled": 0})
         with clock.span("contours"):
-            casting = self._casting(light, samples, clock)
+            casting, added = self._casting(light, samples, clock)
         width = samples.size // samples.shape[0]
         step = max(4, BLOCK // width // 4 * 4)
         for start in range(0, samples.shape[0], step):
             block = samples if step >= samples.shape[0] else samples.rows(start, start + step)
             part = slice(start * width, (start + step) * width)
-            done, used = self._shadow_block(light, block, casting, chosen, in_shadow[part], clock)
+            done, used = self._shadow_block(light, block, casting, added, chosen, in_shadow[part], clock)
             stats += done
             memory = max(memory[0], used[0]), max(memory[1], used[1])
         counters = dict(zip((*COUNTERS, *MEMORY), (*stats.tolist(), *memory), strict=True))
@@ -128,35 +106,21 @@ class SmoothCaster(Caster):
         guarantee = Guarantee.EXACT if casting.surface.is_the_soup else Guarantee.NONE
         return ShadowMask(in_shadow.reshape(samples.shape), guarantee, stats=counters)
 
-    def _casting(self, light: Light, samples: ViewSamples, clock: Clock) -> _Casting:
+    def _casting(self, light: Light, samples: ViewSamples, clock: Clock) -> tuple[Casting, TriangleClusters]:
+        """The surface's soup, and clusters of what it has beside the scene's triangles; kept as long as the surface."""
         surface = self.silhouettes.surface(light, samples)
-        if self._kept is not None and self._kept.surface is surface:
-            return self._kept
-        count = len(self.scene.triangles)
-        closing = bands(surface)
-        soup = Scene(
-            np.concatenate([surface.positions, closing.points]),
-            np.concatenate([surface.triangles, closing.triangles]),
-        )
-        added = facing_of_all(soup.positions, soup.triangles[count:], light.position)
-        facing = np.concatenate([surface.faces.facing, added])
-        weight = np.concatenate([surface.chain, surface.bounds.times[closing.part]]) * facing
-        source = np.concatenate([surface.source, np.arange(len(surface.source), len(weight), dtype=np.int32)])
-        clusters = cluster_triangles(soup, clock, np.arange(count, len(soup.triangles)))
-        mesh, shades = self.silhouettes.mesh, core(self.silhouettes.mesh, surface)
-        corners = np.concatenate([mesh.welded[mesh.triangles[surface.source]], surface.bounds.corners[closing.part]])
-        counts = weight != 0
-        counts[:count] &= ~shades
-        doubtful = np.flatnonzero(counts).astype(np.int32)
-        boxes = build_boxes(soup.positions, soup.triangles[doubtful])
-        self._kept = _Casting(surface, soup, weight, source, shades, corners, facing, clusters, doubtful, boxes)
+        if self._kept is None or self._kept[0].surface is not surface:
+            casting = casting_of(self.silhouettes, surface, light)
+            added = np.arange(len(self.scene.triangles), len(casting.soup.triangles))
+            self._kept = casting, cluster_triangles(casting.soup, clock, added)
         return self._kept
 
     def _shadow_block(
         self,
         light: Light,
         samples: ViewSamples,
-        casting: _Casting,
+        casting: Casting,
+        added: TriangleClusters,
         chosen: NDArray[np.bool_],
         in_shadow: NDArray[np.bool_],
         clock: Clock,
@@ -196,21 +160,17 @@ class SmoothCaster(Caster):
             dimming = [counting(casting.weight, casting.source, buffer) for buffer in buffers]
             cast = np.where(casting.weight != 0, casting.facing, np.int8(0))
             cast[:count][casting.core] = 0
-            bands_too = np.zeros(len(casting.added.corners), bool)
-            for clusters, marks in ((self.clusters, chosen), (casting.added, bands_too)):
+            bands_too = np.zeros(len(added.corners), bool)
+            for clusters, marks in ((self.clusters, chosen), (added, bands_too)):
                 numbers = choose_clusters(clusters, source, active, self.method.culling, marks, clock)
                 stats += traverse(clusters, in_clusters(clusters, cast), active, numbers, receivers, dimming, clock)
-        own_surface = surface.chain[:count], self.silhouettes.mesh.turned, surface.faces.values
         doubt = np.zeros(samples.size, bool)
         with clock.span("merge"):
             for tree, buffer in zip(used, buffers, strict=True):
                 merge_sums(tree.level, buffer)
-                what = tree, receivers, buffer, facing, *own_surface, in_shadow, doubt
+                what = tree, receivers, buffer, facing, *casting.own, in_shadow, doubt
                 in_parts(len(tree.slot), _LEAVES_PER_TASK, clock, write_counts, *what)
-            settle_doubts(
-                doubt, samples.triangle.reshape(-1), receivers, casting.boxes, casting.doubtful, casting.corners,
-                casting.weight, casting.facing, casting.source, own_surface, in_shadow,
-            )  # fmt: skip
+            settle_doubts(casting, light, samples, doubt, in_shadow)
         whole.release()
         leaves.release(sum(len(tree.slot) for tree in used))
         sums = sum(buffer.bytes for buffer in buffers)

@@ -14,6 +14,8 @@ from umbrae.gl.program import program
 from umbrae.light import Light
 from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.method import Caster, require_solid
+from umbrae.methods.smooth.cancelling import settle_doubts
+from umbrae.methods.smooth.casting import casting_of
 from umbrae.methods.smooth.silhouette import Silhouettes, SmoothMethod
 from umbrae.methods.volumes.engine import CountingEngine, Frame
 from umbrae.methods.volumes.eye import light_spread
@@ -36,8 +38,8 @@ class SmoothGl(SmoothMethod):
 
     Deviations from the paper: those of `smooth`; a patch for each part of the contour instead of a strip for each
     loop; one float counter that takes steps, because both halves of a surface, the lit one and the unlit one turned
-    over, bound the volume at the silhouette. What cancels in the counter cancels, also where `smooth` looks twice (see
-    `cancelling`): on coarse meshes thin lines of light may be left inside shadows.
+    over, bound the volume at the silhouette. What cancels in the counter is looked at once more on the CPU: all samples
+    that it leaves lit, against the few triangles that may count backwards and their neighbours (see `cancelling`).
     """
 
     name: ClassVar[str] = "smooth-gl"
@@ -73,7 +75,7 @@ class SmoothGlCaster(Caster):
         """The volumes of this light for these samples."""
         surface = self.silhouettes.surface(light, samples)
         if self._kept is None or self._kept[0] is not surface:
-            self._kept = surface, SmoothVolumes(self.scene, self.method.name, self.silhouettes, surface)
+            self._kept = surface, SmoothVolumes(self.scene, self.method.name, self.silhouettes, surface, light)
         return self._kept[1]
 
 
@@ -84,10 +86,11 @@ class SmoothVolumes(CountingEngine):
     _PART = np.dtype([("corners", np.float32, (6, 3)), ("times", np.int32), ("chords", np.int32)])
     _CONTENT = ("base_start", "base_end", "start", "end", "along_start", "along_end", "times", "chords")
 
-    def __init__(self, scene: Scene, name: str, silhouettes: Silhouettes, surface: SmoothSurface) -> None:
+    def __init__(self, scene: Scene, name: str, silhouettes: Silhouettes, surface: SmoothSurface, light: Light) -> None:
         scale, same = unit_scale(scene), silhouettes.mesh.same
         used = np.flatnonzero(surface.chain)
         self.silhouettes, self.surface, self._side = silhouettes, surface, surface.chain[used]
+        self._crossed = casting_of(silhouettes, surface, light)
         positions = (surface.positions.astype(np.float64) * scale).astype(np.float32)
         triangles = np.ascontiguousarray(surface.triangles[used])
         super().__init__(
@@ -112,10 +115,19 @@ class SmoothVolumes(CountingEngine):
         with clock.span("mask"):
             away = self.silhouettes.turned_away(self.surface, samples).reshape(samples.shape)
             in_shadow = ((count != 0) | away) & samples.covered
+        with clock.span("doubts"):
+            self.look_twice(light, samples, in_shadow)
+        with clock.span("mask"):
             if self.surface.is_the_soup:
                 band = rounding.band(samples, self.silhouettes.mesh.facets)
                 return ShadowMask(in_shadow, Guarantee.BANDED, band, stats=stats)
         return ShadowMask(in_shadow, Guarantee.NONE, stats=stats)
+
+    def look_twice(self, light: Light, samples: ViewSamples, in_shadow: NDArray[np.bool_]) -> None:
+        """Darken samples that the counter leaves lit, because of crossings that must not cancel."""
+        if not self.surface.is_the_soup:
+            flat = in_shadow.reshape(-1)
+            settle_doubts(self._crossed, light, samples, samples.covered.reshape(-1) & ~flat, flat)
 
     def _rounding(self, light: Light, camera: Camera) -> Rounding:
         spread = 2.0
