@@ -175,9 +175,12 @@ def run_mattausch(folder: Path | None, frames: int, clock: Clock) -> SmoothRecor
                 continue
             camera = Camera.look_at((2, 12, 21), (-3, 3, -2), fov_y=40, width=SIZE[0], height=SIZE[1])
             samples = sample(scene, camera)
-            for method in (Smooth, SmoothGl):
-                for kind in KINDS:
-                    runs.append(_run(model, scene, samples, method(silhouette=kind, epsilon=EPSILON), frames, clock))
+            for kind in KINDS:
+                runs.append(_run(model, scene, samples, Smooth(silhouette=kind, epsilon=EPSILON), frames, clock))
+            # The paper has but its counter.
+            for kind in KINDS:
+                counter_alone = SmoothGl(silhouette=kind, epsilon=EPSILON, look_twice=False)
+                runs.append(_run(model, scene, samples, counter_alone, frames, clock))
     return SmoothRecord.of(runs)
 
 

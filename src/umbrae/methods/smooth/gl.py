@@ -16,6 +16,7 @@ from umbrae.mask import Guarantee, ShadowMask
 from umbrae.methods.method import Caster, require_solid
 from umbrae.methods.smooth.cancelling import settle_doubts
 from umbrae.methods.smooth.casting import casting_of
+from umbrae.methods.smooth.light_cells import behind
 from umbrae.methods.smooth.silhouette import Silhouettes, SmoothMethod
 from umbrae.methods.volumes.engine import CountingEngine, Frame
 from umbrae.methods.volumes.eye import light_spread
@@ -40,7 +41,16 @@ class SmoothGl(SmoothMethod):
     loop; one float counter that takes steps, because both halves of a surface, the lit one and the unlit one turned
     over, bound the volume at the silhouette. What cancels in the counter is looked at once more on the CPU: all samples
     that it leaves lit, against the few triangles that may count backwards and their neighbours (see `cancelling`).
+
+    Options
+    -------
+    look_twice
+        Whether to do so; else coarse meshes may leave thin lines of light in their shadows.
+    silhouette, epsilon, epsilon_px
+        See `SmoothMethod`.
     """
+
+    look_twice: bool = True
 
     name: ClassVar[str] = "smooth-gl"
     paper: ClassVar[str] = "Mattausch, Scherzer, Wimmer, Igarashi 2012"
@@ -75,7 +85,7 @@ class SmoothGlCaster(Caster):
         """The volumes of this light for these samples."""
         surface = self.silhouettes.surface(light, samples)
         if self._kept is None or self._kept[0] is not surface:
-            self._kept = surface, SmoothVolumes(self.scene, self.method.name, self.silhouettes, surface, light)
+            self._kept = surface, SmoothVolumes(self.scene, self.method, self.silhouettes, surface, light)
         return self._kept[1]
 
 
@@ -86,15 +96,17 @@ class SmoothVolumes(CountingEngine):
     _PART = np.dtype([("corners", np.float32, (6, 3)), ("times", np.int32), ("chords", np.int32)])
     _CONTENT = ("base_start", "base_end", "start", "end", "along_start", "along_end", "times", "chords")
 
-    def __init__(self, scene: Scene, name: str, silhouettes: Silhouettes, surface: SmoothSurface, light: Light) -> None:
+    def __init__(
+        self, scene: Scene, method: SmoothGl, silhouettes: Silhouettes, surface: SmoothSurface, light: Light
+    ) -> None:
         scale, same = unit_scale(scene), silhouettes.mesh.same
         used = np.flatnonzero(surface.chain)
         self.silhouettes, self.surface, self._side = silhouettes, surface, surface.chain[used]
-        self._crossed = casting_of(silhouettes, surface, light)
+        self._crossed = casting_of(silhouettes, surface, light) if method.look_twice else None
         positions = (surface.positions.astype(np.float64) * scale).astype(np.float32)
         triangles = np.ascontiguousarray(surface.triangles[used])
         super().__init__(
-            scene, name, VolumeMesh(positions, scale, triangles, triangles, surface.source[used], same), Clock()
+            scene, method.name, VolumeMesh(positions, scale, triangles, triangles, surface.source[used], same), Clock()
         )
 
     def upload(self, clock: Clock) -> None:
@@ -116,18 +128,21 @@ class SmoothVolumes(CountingEngine):
             away = self.silhouettes.turned_away(self.surface, samples).reshape(samples.shape)
             in_shadow = ((count != 0) | away) & samples.covered
         with clock.span("doubts"):
-            self.look_twice(light, samples, in_shadow)
+            self._look_twice(light, samples, in_shadow)
         with clock.span("mask"):
             if self.surface.is_the_soup:
                 band = rounding.band(samples, self.silhouettes.mesh.facets)
                 return ShadowMask(in_shadow, Guarantee.BANDED, band, stats=stats)
         return ShadowMask(in_shadow, Guarantee.NONE, stats=stats)
 
-    def look_twice(self, light: Light, samples: ViewSamples, in_shadow: NDArray[np.bool_]) -> None:
+    def _look_twice(self, light: Light, samples: ViewSamples, in_shadow: NDArray[np.bool_]) -> None:
         """Darken samples that the counter leaves lit, because of crossings that must not cancel."""
-        if not self.surface.is_the_soup:
-            flat = in_shadow.reshape(-1)
-            settle_doubts(self._crossed, light, samples, samples.covered.reshape(-1) & ~flat, flat)
+        flat, crossed = in_shadow.reshape(-1), self._crossed
+        if crossed is not None and not self.surface.is_the_soup:
+            lit = samples.covered.reshape(-1) & ~flat
+            backwards = crossed.soup.triangles[crossed.weight < 0]
+            doubt = behind(crossed.soup.positions, backwards, light, samples, lit)
+            settle_doubts(crossed, light, samples, doubt, flat)
 
     def _rounding(self, light: Light, camera: Camera) -> Rounding:
         spread = 2.0
