@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from shapes import GROUND, Shape, above_ground, cone, cylinder, lump, revolve, sphere, torus, turned
 from umbrae import METHODS, Camera, InputError, Light, OptionError, Scene, ViewSamples, sample, shadow
-from umbrae.geometry.contours import smooth_mesh
 from umbrae.geometry.hermite import Curves, curved
+from umbrae.geometry.smooth_mesh import smooth_mesh
 from umbrae.geometry.smooth_surface import SmoothSurface, bands, core, smooth_surface
 from umbrae.methods.oracle import Exact
 from umbrae.methods.smooth.cancelling import parts_cancel

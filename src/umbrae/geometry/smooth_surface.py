@@ -20,14 +20,13 @@ from umbrae.geometry.contours import (
     Breakpoints,
     Cut,
     Facing,
-    SmoothMesh,
     breakpoints,
     cut,
-    edge_directions,
     edge_multiplicities,
     vertex_values,
 )
 from umbrae.geometry.hermite import Curves, along_surface, curved, dots, straight, units
+from umbrae.geometry.smooth_mesh import SmoothMesh, edge_directions
 from umbrae.geometry.volume_faces import facing_of_all
 
 Rows = NDArray[np.float64]

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from umbrae.geometry.contours import SmoothMesh, edge_directions, smooth_mesh
 from umbrae.geometry.hermite import phong
+from umbrae.geometry.smooth_mesh import SmoothMesh, edge_directions, smooth_mesh
 from umbrae.geometry.solids import join_over_edges
 
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from umbrae.checks import number, shown
 from umbrae.clock import Clock
 from umbrae.errors import OptionError
-from umbrae.geometry.contours import moved_mesh, smooth_mesh
 from umbrae.geometry.hermite import Curves, curved, phong
+from umbrae.geometry.smooth_mesh import moved_mesh, smooth_mesh
 from umbrae.geometry.smooth_surface import Bend, SmoothSurface, Tolerance, smooth_surface
 from umbrae.light import Light
 from umbrae.mask import Guarantee
