@@ -9,7 +9,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shapes import GROUND, Shape, above_ground, cone, cylinder, lump, revolve, sphere, torus, turned
-from umbrae import METHODS, Camera, InputError, Light, OptionError, Scene, ViewSamples, sample, shadow
+from umbrae import (
+    METHODS,
+    Camera,
+    Guarantee,
+    InputError,
+    Light,
+    OptionError,
+    Scene,
+    ViewSamples,
+    sample,
+    shadow,
+    verify,
+)
 from umbrae.geometry.hermite import Curves, curved
 from umbrae.geometry.smooth_mesh import smooth_mesh
 from umbrae.geometry.smooth_surface import SmoothSurface, bands, core, smooth_surface
@@ -386,6 +398,29 @@ def test_a_light_in_a_ball_leaves_everything_outside_dark():
     for light in (Light.point((0, 1.6, 0)), Light.point((0.3, 1.9, -0.5))):
         mask = shadow(scene, light, samples, Smooth())
         assert mask.in_shadow[samples.covered].all()
+
+
+def flat_faced() -> dict[str, Scene]:
+    """Two parallel triangles, and a cube on a floor, with normals that are the facets' own."""
+    pair = Scene([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)], [(0, 1, 2), (3, 4, 5)])
+    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))]
+    floor = [(-3, 0, -3), (-3, 0, 3), (3, 0, 3), (3, 0, -3)]
+    cube = Scene(np.concatenate([corners, floor]), [*triangles, (8, 9, 10), (8, 10, 11)])
+    return {"pair": pair.smoothed(40), "cube": cube.smoothed(40)}
+
+
+@pytest.mark.parametrize("method", ["smooth", "smooth-gl"])
+@pytest.mark.parametrize("name", ["pair", "cube"])
+def test_facets_with_their_own_normals_are_flat_under_any_light(name, method):
+    scene = flat_faced()[name]
+    samples = sample(scene, Camera.frame(scene, width=64, height=48))
+    places = [(3, 3, 0), (0, 0, 0), (0.5, 0, 0), (1, 1, 1), (0.25, 0.25, 0), (2, 1, 0.5), (5, 7, 3)]
+    for light in (*map(Light.point, places), Light.sun(0, 0), Light.sun(90, 0), Light.sun(30, 90), Light.sun(215, 40)):
+        mask = shadow(scene, light, samples, method)
+        assert mask.guarantee != Guarantee.NONE
+        assert verify(scene, light, samples, mask).ok, light
 
 
 def test_a_light_anywhere_is_taken():

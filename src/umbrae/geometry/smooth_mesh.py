@@ -1,7 +1,7 @@
 """A soup with the normals of the smooth surface that it stands for: topology, orientation, and how its edges bend.
 
-Triangles without normals are *flat*. So are those with a normal that turns more than 60 degrees from the facet: no
-smooth surface looks like that.
+Triangles without normals are *flat*. So are those whose normals are the facet's own, which need no other sign than the
+predicate's; and those with a normal that turns more than 60 degrees from the facet: no smooth surface looks like that.
 """
 
 from typing import Any, NamedTuple
@@ -16,6 +16,9 @@ from umbrae.parallel import inline, kernel
 
 _SMOOTH = 0.5
 """Cosine of the angle up to which vertex normals of a smooth surface turn from a facet: 60 degrees."""
+
+_FLAT = 1.0 - 2.0**-20
+"""Cosine of the angle from which a normal is the facet's: both are of float32, and rounded a few times."""
 
 _CREASE = 1e-3
 """Sine of the angle from which two normals tell the direction of the crease between them."""
@@ -110,6 +113,7 @@ def _placed(
     along = np.einsum("tkj,tj->tk", vertex_normals[triangles], facets)
     agrees = along.sum(axis=1) >= 0
     smooth = (np.abs(along) >= _SMOOTH).all(axis=1) & (np.sign(along) == np.sign(along[:, :1])).all(axis=1)
+    smooth &= (np.abs(along) < _FLAT).any(axis=1)
     smooth &= np.bincount(same, minlength=len(same))[same] == 1
     turned = np.where(smooth, np.where(agrees, 1, -1), 0).astype(np.int8)
     return {"positions": positions, "normals": vertex_normals, "facets": facets, "turned": turned}

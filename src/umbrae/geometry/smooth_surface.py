@@ -91,9 +91,12 @@ class SmoothSurface(NamedTuple):
 
     @property
     def is_the_soup(self) -> bool:
-        """Whether nothing was cut, bent, or turned another way than triangles face: shadows are the soup's own."""
+        """Whether nothing was cut, bent, or turned another way than triangles face: shadows are the soup's own.
+
+        An edge-on triangle faces no way, and must be left out.
+        """
         whole = len(self.triangles) == len(self.faces.facing)
-        return whole and bool((self.chords == 1).all() and (self.chain * self.faces.facing >= 0).all())
+        return whole and bool((self.chords == 1).all() and (np.sign(self.chain) == self.faces.facing).all())
 
 
 def core(mesh: SmoothMesh, surface: SmoothSurface) -> NDArray[np.bool_]:
