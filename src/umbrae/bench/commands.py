@@ -16,11 +16,11 @@ from umbrae.bench.benchmark import Benchmark
 from umbrae.bench.case import LIGHTS
 from umbrae.bench.embree import EmbreexRunner, MitsubaRunner
 from umbrae.bench.flythrough import FlyThrough
-from umbrae.bench.mattausch import run_mattausch
+from umbrae.bench.mattausch import SmoothRecord, run_mattausch
 from umbrae.bench.record import Record
 from umbrae.bench.runner import exact_methods
 from umbrae.bench.scenes import FULL, QUICK, SCENES, default_folder
-from umbrae.bench.stich_city import run_city
+from umbrae.bench.stich_city import CityRecord, run_city
 from umbrae.bench.sun import pick_sensors, run_sun
 from umbrae.bench.sun_record import SunRecord
 from umbrae.bench.tregenza import PATCHES, patches
@@ -123,12 +123,7 @@ def sun(
         run_sun(tiny, pick_sensors(tiny, 200), patches(1), runners, 1, Clock())
     record = SunRecord.of(name, len(loaded.triangles), picked.size, suns)
     record = replace(record, runs=run_sun(loaded, picked, patches(suns), runners, SUN_CHECKED, clock))
-    if output is not None:
-        record.save(output)
-    if as_json:
-        print(json.dumps(record.as_dict()))
-    else:
-        record.show(Console(highlight=False))
+    _report(record, output, as_json)
     if record.broken:
         raise typer.Exit(1)
 
@@ -146,12 +141,7 @@ def mattausch(
     if output is not None:
         files.check_writable(output, (".json",))
     record = run_mattausch(_models(folder), frames, clock)
-    if output is not None:
-        record.save(output)
-    if as_json:
-        print(json.dumps(record.as_dict()))
-    else:
-        record.show(Console(highlight=False))
+    _report(record, output, as_json)
 
 
 @app.command("stich-city")
@@ -173,12 +163,7 @@ def stich_city(
     for name in names:
         make_method(name, culling=True)
     record = run_city((lots.width, lots.height), triangles, tree, names, frames, clock)
-    if output is not None:
-        record.save(output)
-    if as_json:
-        print(json.dumps(record.as_dict()))
-    else:
-        record.show(Console(highlight=False))
+    _report(record, output, as_json)
     if record.broken:
         raise typer.Exit(1)
 
@@ -200,6 +185,15 @@ def check() -> None:
         print(text)
     if record.broken:
         raise typer.Exit(1)
+
+
+def _report(record: SunRecord | SmoothRecord | CityRecord, output: Path | None, as_json: bool) -> None:
+    if output is not None:
+        record.save(output)
+    if as_json:
+        print(json.dumps(record.as_dict()))
+    else:
+        record.show(Console(highlight=False))
 
 
 def _carry_out(benchmark: Benchmark, output: Path | None, resume: Path | None, clock: Clock) -> Record:
