@@ -217,7 +217,7 @@ def test_frames_are_named(text, wanted):
     [
         ("turn.gltf --frames 5:5", "wanted frames A:B or A:B:STEP"),
         ("turn.gltf --frames 0:4:0", "wanted frames A:B or A:B:STEP"),
-        ("turn.gltf --frames 0:999999999", "wanted frames A:B or A:B:STEP"),
+        ("turn.gltf --frames 0:999999999", "wanted up to 100000 frames"),
         ("turn.gltf --frames -1:5", "wanted frames A:B or A:B:STEP"),
         ("turn.gltf --frames 0:4 -o a.png", "wanted a name with a number such as frame_%04d.png, or clip.mp4"),
         ("turn.gltf --frames 0:4 -o a%d_%d.png", "wanted a name with a number"),
@@ -243,3 +243,14 @@ def test_what_cannot_be_filmed(texts, message, capsys, folder):
     assert umbrae(f"render {texts} -q") == 2
     assert message in error(capsys)
     assert sorted(folder.iterdir()) == before
+
+
+def test_a_folder_for_frames_that_cannot_be_made_is_named(capsys, folder, monkeypatch):
+    pytest.importorskip("av")
+
+    def refuse(self: Path, *_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "mkdir", refuse)
+    assert umbrae("render turn.gltf --frames 0:2 --size 32x32 -o clip.mp4 -q") == 2
+    assert ".clip.mp4.frames: the frames' folder cannot be made: Permission denied" in error(capsys)

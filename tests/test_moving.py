@@ -132,6 +132,15 @@ def test_a_solid_that_is_turned_inside_out_is_none(method, options):
     assert caster.shadow(light, samples).in_shadow[on_floor].all()
 
 
+@pytest.mark.parametrize("positions", [None, "no numbers", [(0, 0, 0)], 7])
+def test_positions_that_are_none_leave_the_caster_as_it_was(positions):
+    scene = SOUPS["cube"].scene
+    caster = METHODS["frustum"]().prepare(scene)
+    with pytest.raises(InputError, match=r"Scene\.positions: wanted"):
+        caster.update(positions)
+    assert caster.scene is scene
+
+
 def test_a_moved_scene_shares_all_but_its_vertices():
     scene = SOUPS[sorted(TRANSPARENT)[0]].scene
     assert scene.bounds.shape == (2, 3)

@@ -189,8 +189,10 @@ def test_frustums_on_opengl_take_them(opengl):
 
 @pytest.mark.parametrize("method", ["silhouette-cpu", "smooth-gl"])
 def test_volumes_refuse_samples_off_their_pixels(method, opengl):
-    with pytest.raises(um.InputError, match=f"{method}: wanted the samples of a whole picture"):
+    with pytest.raises(um.OptionError, match=f"smooth outlines: method {method} counts along view rays"):
         um.render(drum(), FRONT, method=method, smooth_outlines=2)
+    with pytest.raises(um.InputError, match=f"{method}: wanted the samples of a whole picture"):
+        um.shadow(drum(), um.Light.sun(200, 40), um.sample_tessellated(drum(), FRONT, 2), method)
 
 
 def egg() -> um.Scene:

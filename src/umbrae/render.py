@@ -110,6 +110,8 @@ def render(
     if smooth_outlines > 1 and (filtered or stochastic is not None):
         with_what = "antialiasing 'derivative'" if filtered else "a stochastic picture"
         raise OptionError(f"smooth outlines: they do not go with {with_what}")
+    if smooth_outlines > 1 and "points" not in algorithm.accepts:
+        raise OptionError(f"smooth outlines: method {algorithm.name} counts along view rays, which they leave")
     with clock.span("sample"):
         found: tuple[ViewSamples, ...]
         if smooth_outlines > 1:

@@ -162,10 +162,12 @@ class Scene:
         InputError
             For arrays of another shape, or coordinates that a scene does not take.
         """
-        points = _per_vertex(positions, len(self.positions), 3, "positions")
+        points = _rows(positions, 3, "positions").astype(np.float32)
+        if len(points) != len(self.positions):
+            raise InputError(f"Scene.positions: wanted {len(self.positions)} rows, one per vertex, got {len(points)}")
         made = object.__new__(Scene)
         shared = {field.name: getattr(self, field.name) for field in fields(self)}
-        made.__dict__.update(shared | {"positions": points})
+        made.__dict__.update(shared | {"positions": _frozen(points)})
         if normals is not None:
             made.__dict__["normals"] = _per_vertex(normals, len(self.positions), 3, "normals")
         return made

@@ -56,9 +56,18 @@ def frames_of(text: str) -> Frames:
     """`A:B` or `A:B:STEP`."""
     found = re.fullmatch(r"(\d{1,9}):(\d{1,9})(?::(\d{1,9}))?", text)
     frames = Frames(*(int(number or 1) for number in found.groups())) if found else Frames(0, 0, 1)
-    if frames.step == 0 or not 0 < len(frames.numbers) <= _MOST:
+    if len(frames.numbers if frames.step else ()) > _MOST:
+        raise typer.BadParameter(f"wanted up to {_MOST} frames, got {text!r}")
+    if frames.step == 0 or not frames.numbers:
         raise typer.BadParameter(f"wanted frames A:B or A:B:STEP, from A and before B such as 0:120, got {text!r}")
     return frames
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: the frames' folder cannot be made: {error.strerror}") from error
 
 
 class Shot(NamedTuple):
@@ -160,7 +169,7 @@ class Film:
         kept = made = 0
         try:
             if self.is_clip:
-                self.waiting.mkdir(exist_ok=True)
+                _make_folder(self.waiting)
             with clock.span("frames"):
                 for number in self.frames.numbers:
                     clock.advance(len(digests), len(self.frames.numbers))
