@@ -216,7 +216,19 @@ def test_a_record_survives_the_file(tmp_path):
     document = json.loads((tmp_path / "a.json").read_text())
     assert list(document) == ["schema", "benchmark", "configuration", "machine", "date", "cases"]
     assert set(document["machine"]) == {
-        *("cpu", "cores", "threads", "memory_bytes", "system", "python", "versions", "commit", "sources", "dirty")
+        *(
+            "cpu",
+            "cores",
+            "threads",
+            "memory_bytes",
+            "opengl",
+            "system",
+            "python",
+            "versions",
+            "commit",
+            "sources",
+            "dirty",
+        )
     }
     assert set(document["configuration"]) == {"scenes", "lights", "sizes", "runs", "checked", "runners", "path"}
     assert set(document["cases"][1]["runners"][0]["seconds"]["cold"]) == {"runs", "minimum", "median", "quartiles"}

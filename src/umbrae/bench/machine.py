@@ -7,18 +7,23 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from umbrae.gl.context import driver
 from umbrae.parallel import thread_count
 
 PACKAGES = ("umbrae", "numpy", "numba", "llvmlite", "mitsuba", "drjit", "embreex")
 
 
 def describe() -> dict[str, Any]:
-    """Processor, memory, system, versions, commit; `sources` is git's name for its `src`, `dirty` if they differ."""
+    """Processor, memory, system, versions, commit; `sources` is git's name for its `src`, `dirty` if they differ.
+
+    `opengl` is the driver of OpenGL, None where nothing has used it.
+    """
     return {
         "cpu": _cpu(),
         "cores": os.cpu_count(),
         "threads": thread_count(),
         "memory_bytes": _memory_bytes(),
+        "opengl": driver(),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
         "versions": {name: _version(name) for name in PACKAGES},

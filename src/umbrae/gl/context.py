@@ -157,6 +157,15 @@ def session() -> Session:
         return _kept
 
 
+def driver() -> str | None:
+    """What the driver of the context calls itself; None as long as there is no context."""
+    with _lock:
+        if _kept is None or _process != os.getpid():
+            return None
+        with _kept.current() as current:
+            return str(current.moderngl.info["GL_RENDERER"])
+
+
 def close() -> None:
     """Give the context back with everything kept for it; the next call of `session` makes a new one."""
     global _kept

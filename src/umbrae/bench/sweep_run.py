@@ -1,0 +1,103 @@
+"""Measuring a paper's table: all rows of a column take turns on every frame of its flight."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from umbrae.bench.case import View
+from umbrae.bench.measure import stopwatch
+from umbrae.bench.sweep import Cell, Sweep, SweepRecord
+from umbrae.clock import Clock
+from umbrae.errors import UmbraeError
+from umbrae.mask import ShadowMask
+from umbrae.methods import Caster, Method
+from umbrae.samples import ViewSamples
+from umbrae.sampling import sample
+from umbrae.scene import Scene
+from umbrae.verify import Truth
+
+WARM_UPS = 2
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: its name, how to come by its scene, and what is seen of it, one view a frame.
+
+    `rows` are the methods of this column by name; a row that has none is left out.
+    """
+
+    name: str
+    scene: Callable[[], Scene]
+    views: Callable[[Scene], Sequence[View]]
+    rows: Mapping[str, Method]
+
+
+def run_sweep(sweep: Sweep, columns: Sequence[Column], check: int, clock: Clock) -> SweepRecord:
+    """Measure all columns; `check` covered samples of each column's last frame go to the oracle for each row.
+
+    What is timed is `Caster.shadow`: the shadows of samples that are there already, with a caster made before. A column
+    whose scene cannot be had, and a row that cannot run, say so in their cells.
+    """
+    cells: list[Cell] = []
+    for column in columns:
+        with clock.span(f"{sweep.axis} {column.name}"):
+            try:
+                scene = column.scene()
+            except UmbraeError as error:
+                cells += [Cell(row, column.name, not_run=str(error)) for row in column.rows]
+                continue
+            cells += _measure(column, scene, check, clock)
+    return SweepRecord.of(sweep, cells)
+
+
+class _Row:
+    """A method on its way through a column; `stopped` says why it takes no further part."""
+
+    def __init__(self, name: str, method: Method, scene: Scene) -> None:
+        self.name, self.method = name, method
+        self.seconds: list[float] = []
+        self.counters: list[Mapping[str, int]] = []
+        self.mask: ShadowMask | None = None
+        self.stopped: str | None = None
+        self._caster: Caster | None = None
+        self._scene = scene
+
+    def frame(self, view: View, samples: ViewSamples, timed: bool) -> None:
+        """The shadows of a frame; what Umbrae refuses to do ends this row's way, not the benchmark."""
+        if self.stopped is not None:
+            return
+        try:
+            caster = self._caster = self._caster or self.method.prepare(self._scene)
+            taken, mask = stopwatch(lambda: caster.shadow(view.light, samples))
+        except UmbraeError as error:
+            self.stopped = str(error)
+            return
+        self.mask = mask
+        if timed:
+            self.seconds.append(round(taken, 7))
+            self.counters.append(mask.stats)
+
+    def cell(self, column: str, truth: Truth) -> Cell:
+        """What there is to report of a column; the last mask against the truth."""
+        guarantee = str(self.method.guarantee)
+        if self.stopped is not None or self.mask is None:
+            return Cell(self.name, column, guarantee, not_run=self.stopped)
+        verdict = truth.judge(self.mask)
+        counters = {name: int(np.median([one.get(name, 0) for one in self.counters])) for name in self.counters[-1]}
+        return Cell(self.name, column, guarantee, tuple(self.seconds), counters, verdict.checked, verdict.outside_band)
+
+
+def _measure(column: Column, scene: Scene, check: int, clock: Clock) -> list[Cell]:
+    rows = [_Row(name, method, scene) for name, method in column.rows.items()]
+    views = column.views(scene)
+    frames = [*[views[0]] * WARM_UPS, *views]
+    for number, view in enumerate(frames):
+        samples = sample(scene, view.camera)
+        # Nobody always comes after the same one, and finds the caches as that one leaves them.
+        first = number % max(1, len(rows))
+        for row in (*rows[first:], *rows[:first]):
+            row.frame(view, samples, number >= WARM_UPS)
+        clock.advance(number + 1, len(frames))
+    truth = Truth.find(scene, views[-1].light, samples, check)
+    return [row.cell(column.name, truth) for row in rows]

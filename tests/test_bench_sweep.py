@@ -1,0 +1,97 @@
+"""Tables of papers made anew: every row on every frame, ratios beside the paper's, and what is wrong said aloud."""
+
+import dataclasses
+
+import pytest
+from rich.console import Console
+
+import umbrae as um
+from umbrae import models
+from umbrae.bench.case import View
+from umbrae.bench.sweep import Cell, PaperRow, Sweep, SweepRecord
+from umbrae.bench.sweep_run import Column, run_sweep
+from umbrae.clock import Clock
+from umbrae.errors import InputError, ModelError
+from umbrae.methods import make_method
+from umbrae.scene import Scene
+
+SWEEP = Sweep(
+    "milet-test", "Spheres", "Table 0", "triangles", ("few", "more"), "fast",
+    (PaperRow("fast", "card", {"few": 2.0, "more": 4.0}), PaperRow("slow", "card", {"few": 5.0})),
+)  # fmt: skip
+CELLS = (
+    Cell("fast", "few", "exact", (1.0, 3.0, 2.0), {"tests": 7}, 10, 0),
+    Cell("slow", "few", "banded", (4.0, 6.0, 5.0), {}, 10, 0),
+    Cell("slow", "more", "banded", not_run="no OpenGL"),
+)
+
+
+def spheres() -> Scene:
+    return models.spheres(triangles=900)
+
+
+def views(scene: Scene) -> list[View]:
+    camera = um.Camera.frame(scene, width=24, height=16)
+    return [View(camera, models.spheres_light())] * 3
+
+
+def printed(record: SweepRecord) -> str:
+    console = Console(width=120, record=True, quiet=False, file=None)
+    with console.capture() as capture:
+        record.show(console)
+    return capture.get()
+
+
+def test_ratios_are_those_of_medians_and_of_the_papers_figures():
+    record = SweepRecord.of(SWEEP, CELLS)
+    assert record.ratio("slow", "few") == 2.5
+    assert record.ratio("slow", "more") is None
+    assert record.paper_ratio("slow", "few", "card") == 2.5
+    assert record.paper_ratio("slow", "more", "card") is None
+    text = printed(record)
+    assert "2000.0" in text and "5000.0" in text and "slow not run: no OpenGL" in text and "WRONG" not in text
+
+
+def test_broken_promises_are_named_and_those_that_promise_nothing_are_not():
+    wrong = dataclasses.replace(CELLS[1], wrong=3)
+    assert SweepRecord.of(SWEEP, [CELLS[0], wrong]).broken
+    assert "WRONG: slow promises banded verdicts, but 3 of 10" in printed(SweepRecord.of(SWEEP, [CELLS[0], wrong]))
+    assert not SweepRecord.of(SWEEP, [CELLS[0], dataclasses.replace(wrong, guarantee="none")]).broken
+
+
+def test_a_record_survives_the_disk(tmp_path):
+    record = SweepRecord.of(dataclasses.replace(SWEEP, size=(8, 6)), CELLS)
+    record.save(tmp_path / "r.json")
+    assert SweepRecord.load(tmp_path / "r.json") == record
+
+
+@pytest.mark.parametrize("text", ["{}", "[]", "no", '{"schema": 1, "sweep": 3}', '{"schema": 2}'])
+def test_what_is_no_record_is_refused_in_a_line(tmp_path, text):
+    (tmp_path / "r.json").write_text(text)
+    with pytest.raises(InputError) as refused:
+        SweepRecord.load(tmp_path / "r.json")
+    assert "r.json" in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_all_rows_see_all_frames_and_are_held_against_the_oracle():
+    def missing() -> Scene:
+        raise ModelError("model sponza not found")
+
+    rows = {"fast": make_method("frustum"), "lists": make_method("alias-free-map")}
+    columns = [Column("few", spheres, views, rows), Column("more", missing, views, rows)]
+    record = run_sweep(SWEEP, columns, 50, Clock())
+    assert [(one.row, one.column) for one in record.cells] == [
+        ("fast", "few"), ("lists", "few"), ("fast", "more"), ("lists", "more"),
+    ]  # fmt: skip
+    for cell in record.cells[:2]:
+        assert len(cell.seconds) == 3 and cell.checked == 50 and cell.wrong == 0 and cell.guarantee == "exact"
+    assert record.cells[0].counters["sample_frustum_tests"] > 0
+    assert {cell.not_run for cell in record.cells[2:]} == {"model sponza not found"}
+
+
+@pytest.mark.usefixtures("opengl")
+def test_methods_that_promise_nothing_count_what_is_wrong():
+    rows = {"coarse": make_method("shadow-map", size=16)}
+    record = run_sweep(SWEEP, [Column("few", spheres, views, rows)], 200, Clock())
+    (cell,) = record.cells
+    assert cell.wrong > 0 and not cell.broken
