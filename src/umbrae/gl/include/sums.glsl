@@ -28,5 +28,5 @@ void dim(int place, int sample_index, int triangle, dvec3 share) {
 // What arrives of a channel at a place.
 float arriving(int place, int channel) {
     uint sum = sums[3 * place + channel];
-    return sum == OPAQUE ? 0.0 : exp(float(-double(sum) * STEP));
+    return sum == OPAQUE ? 0.0 : exp(float(double(sum) * -STEP));
 }

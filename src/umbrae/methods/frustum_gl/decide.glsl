@@ -47,7 +47,7 @@ void main() {
         uint bit = 1u << (place % 32);
         if ((dark[word] & bit) != 0u) continue;
         int index = sample_of(child_of(1, node_of(1, place / 32), uint(place % 32)));
-        double shift, inward = double(-side_of_light(queue[i].y));
+        double shift, inward = side_of_light(queue[i].y) < 0 ? 1.0LF : -1.0LF;
         dvec3 point = surface_point(index, shift);
         dvec3 v[3] = dvec3[3](corner(triangle, 0), corner(triangle, 1), corner(triangle, 2));
         bool outside = false, inside = true;

@@ -98,7 +98,7 @@ void main() {
     }
 #endif
     dvec3 v[3] = dvec3[3](corner(triangle, 0), corner(triangle, 1), corner(triangle, 2));
-    double inward = double(-side);
+    double inward = side < 0 ? 1.0LF : -1.0LF;  // some compilers cannot convert a negated integer
     Plane planes[4];
     for (int i = 0; i < 3; i++) planes[i] = side_plane(v[i], v[(i + 1) % 3], inward);
     planes[3] = plane_across(v[1] - v[0], v[2] - v[0], inward, eye - v[0]);
@@ -126,7 +126,7 @@ void main() {
         bool through_light = i < 3;
         bool bounds = through_light ? turn[edge] * turn[before] < 0 : turn[edge] * front < 0;
         if (!bounds || filled == 4) continue;
-        double toward = double(through_light ? turn[edge] : front);
+        double toward = (through_light ? turn[edge] : front) < 0 ? -1.0LF : 1.0LF;
         Plane outline = plane_across(through_light ? ahead : f[edge], through_light ? f[edge] : f[next], toward, dvec3(0.0LF));
         frustum.outline[filled] = vec4(outline.normal.xyz, outline.bound.x);
         frustum.outline_q[filled] = outline.bound.y;
