@@ -8,7 +8,7 @@ from rich.console import Console
 import umbrae as um
 from umbrae import models
 from umbrae.bench.case import View
-from umbrae.bench.sweep import Cell, PaperRow, Sweep, SweepRecord
+from umbrae.bench.sweep import TIME, Cell, PaperRow, Quantity, Sweep, SweepRecord
 from umbrae.bench.sweep_run import Column, run_sweep
 from umbrae.clock import Clock
 from umbrae.errors import InputError, ModelError
@@ -59,8 +59,40 @@ def test_broken_promises_are_named_and_those_that_promise_nothing_are_not():
     assert not SweepRecord.of(SWEEP, [CELLS[0], dataclasses.replace(wrong, guarantee="none")]).broken
 
 
+TESTS = Quantity("tests", "million", 1e6, ("tile_tests", "sample_tests"))
+BYTES = Quantity("memory", "MiB", 2**20, ("buffer_bytes",), comparable=True)
+
+
+def test_counters_that_a_method_has_are_added_up_and_compared():
+    cells = [
+        Cell("fast", "few", "exact", (1.0,), {"tile_tests": 1_000_000, "sample_tests": 3_000_000, "other": 9}),
+        Cell("slow", "few", "exact", (1.0,), {"sample_tests": 2_000_000}),
+        Cell("none", "few", "exact", (1.0,), {"other": 1}),
+        Cell("slow", "more", not_run="no OpenGL"),
+    ]
+    paper = (PaperRow("fast", "card", {"few": 10.0}, "tests"), PaperRow("slow", "card", {"few": 25.0}, "tests"))
+    record = SweepRecord.of(dataclasses.replace(SWEEP, quantities=(TIME, TESTS), paper=paper), cells)
+    assert [cell.value(TESTS) for cell in cells] == [4.0, 2.0, None, None]
+    assert [cell.value(TIME) for cell in cells] == [1000.0, 1000.0, 1000.0, None]
+    assert (record.ratio("slow", "few", TESTS), record.ratio("slow", "few")) == (0.5, 1.0)
+    assert record.ratio("none", "few", TESTS) is None
+    assert (record.paper_ratio("slow", "few", "card", TESTS), record.paper_ratio("slow", "few", "card")) == (2.5, None)
+    lines = [line.split() for line in printed(record).splitlines()]
+    assert ["fast,", "million", "4.00"] in lines and ["slow", "/", "fast", "0.50"] in lines
+    assert ["card", "2.50"] in lines and not any(line[:2] == ["none,", "million"] for line in lines)
+
+
+def test_what_means_the_same_everywhere_stands_beside_the_papers_values():
+    cells = [Cell("stencil", "few", "", (), {"buffer_bytes": 3 << 20}), Cell("lists", "few", not_run="no memory")]
+    paper = tuple(PaperRow(name, "card", {"few": 16.0}, "memory") for name in ("stencil", "lists"))
+    record = SweepRecord.of(dataclasses.replace(SWEEP, base="stencil", quantities=(BYTES,), paper=paper), cells)
+    lines = [line.split() for line in printed(record).splitlines()]
+    assert ["stencil,", "MiB", "3.00"] in lines and lines.count(["card", "16.00"]) == 2
+    assert ["lists,", "MiB"] in lines and not any("/" in line for line in lines[1:])
+
+
 def test_a_record_survives_the_disk(tmp_path):
-    record = SweepRecord.of(dataclasses.replace(SWEEP, size=(8, 6)), CELLS)
+    record = SweepRecord.of(dataclasses.replace(SWEEP, size=(8, 6), quantities=(TESTS, TIME)), CELLS)
     record.save(tmp_path / "r.json")
     assert SweepRecord.load(tmp_path / "r.json") == record
 
@@ -87,6 +119,19 @@ def test_all_rows_see_all_frames_and_are_held_against_the_oracle():
         assert len(cell.seconds) == 3 and cell.checked == 50 and cell.wrong == 0 and cell.guarantee == "exact"
     assert record.cells[0].counters["sample_frustum_tests"] > 0
     assert {cell.not_run for cell in record.cells[2:]} == {"model sponza not found"}
+
+
+def test_rows_may_give_the_scene_other_materials_and_take_back_a_promise():
+    def glass(scene: Scene) -> Scene:
+        return Scene(scene.positions, scene.triangles, [um.Material((1.0, 1.0, 1.0, 0.5), "BLEND")])
+
+    rows = {"solid": make_method("frustum"), "glass": make_method("frustum")}
+    rows["chance"] = make_method("frustum", transparency="stochastic")
+    column = Column("few", spheres, views, rows, {"glass": glass, "chance": glass})
+    solid, exact, chance = run_sweep(SWEEP, [column], 200, Clock()).cells
+    assert (solid.guarantee, solid.wrong, exact.guarantee, exact.wrong) == ("exact", 0, "exact", 0)
+    assert exact.counters["shadow_buffer_bytes"] > solid.counters["shadow_buffer_bytes"]
+    assert chance.guarantee == "none" and chance.wrong > 0 and not chance.broken
 
 
 @pytest.mark.usefixtures("opengl")

@@ -10,17 +10,18 @@ from rich.console import Console
 
 from umbrae import arguments, files, models
 from umbrae.arguments import Size
-from umbrae.bench import table
+from umbrae.bench import sintorn_commands, table
 from umbrae.bench.bars import bars
 from umbrae.bench.benchmark import Benchmark
 from umbrae.bench.case import LIGHTS
+from umbrae.bench.command_options import Models, Output, models_folder, report
 from umbrae.bench.embree import EmbreexRunner, MitsubaRunner
 from umbrae.bench.flythrough import FlyThrough
-from umbrae.bench.mattausch import SmoothRecord, run_mattausch
+from umbrae.bench.mattausch import run_mattausch
 from umbrae.bench.record import Record
 from umbrae.bench.runner import exact_methods
-from umbrae.bench.scenes import FULL, QUICK, SCENES, default_folder
-from umbrae.bench.stich_city import CityRecord, run_city
+from umbrae.bench.scenes import FULL, QUICK, SCENES
+from umbrae.bench.stich_city import run_city
 from umbrae.bench.sun import pick_sensors, run_sun
 from umbrae.bench.sun_record import SunRecord
 from umbrae.bench.tregenza import PATCHES, patches
@@ -34,11 +35,8 @@ from umbrae.warmup import compile_kernels
 
 app = typer.Typer(rich_markup_mode=None)
 """The commands below `umbrae bench`."""
+app.add_typer(sintorn_commands.app)
 
-Models = Annotated[
-    Path | None,
-    typer.Option("--models", envvar="UMBRAE_MODELS", metavar="DIR", help="Where the models of the scenes lie."),
-]
 CHECK_SCENE, CHECK_SIZE, CHECK_RUNS, CHECK_SAMPLES = "spheres-96k", (1920, 1080), 5, 5_000
 """What `umbrae bench check` measures."""
 SUN_CHECKED = 20_000
@@ -63,7 +61,7 @@ def rays(
         Path | None, typer.Option(metavar="FILE", help="Key frames (CSV) to fly along, one frame a run.")
     ] = None,
     folder: Models = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file to write.")] = None,
+    output: Output = None,
     resume: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Go on with an interrupted run, given the same options.")
     ] = None,
@@ -80,7 +78,7 @@ def rays(
         runs=runs or (11 if full else 5),
         checked=check or (100_000 if full else 20_000),
         runners=[*exact_methods(), MitsubaRunner(), EmbreexRunner()],
-        models=_models(folder),
+        models=models_folder(folder),
         path=FlyThrough.load(path) if path is not None else None,
     )
     if benchmark.path is not None and len(benchmark.scenes) != 1:
@@ -102,19 +100,19 @@ def sun(
         int, typer.Option(min=1, max=PATCHES, metavar="N", help="Centres of Tregenza's sky patches.")
     ] = PATCHES,
     folder: Models = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file to write.")] = None,
+    output: Output = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Measure many sensors under many suns beside rays by Embree; exit status 1 if a guarantee is broken."""
     clock = Clock() if as_json or quiet else ConsoleClock()
     (name,) = _scenes([scene], False)
-    models_folder = _models(folder)
+    place = models_folder(folder)
     if output is not None:
         files.check_writable(output, (".json",))
     runners = [*exact_methods(), MitsubaRunner(), EmbreexRunner()]
     with clock.span(f"load {name}"):
-        loaded = SCENES[name].load(models_folder)
+        loaded = SCENES[name].load(place)
     with clock.span("sensors"):
         picked = pick_sensors(loaded, sensors)
     compile_kernels([METHODS[runner.name]() for runner in runners if runner.name in METHODS], 1, clock)
@@ -123,7 +121,7 @@ def sun(
         run_sun(tiny, pick_sensors(tiny, 200), patches(1), runners, 1, Clock())
     record = SunRecord.of(name, len(loaded.triangles), picked.size, suns)
     record = replace(record, runs=run_sun(loaded, picked, patches(suns), runners, SUN_CHECKED, clock))
-    _report(record, output, as_json)
+    report(record, output, as_json)
     if record.broken:
         raise typer.Exit(1)
 
@@ -132,7 +130,7 @@ def sun(
 def mattausch(
     frames: Annotated[int, typer.Option(min=1, metavar="N", help="Timed frames of each.")] = 7,
     folder: Models = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file to write.")] = None,
+    output: Output = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -140,8 +138,8 @@ def mattausch(
     clock = Clock() if as_json or quiet else ConsoleClock()
     if output is not None:
         files.check_writable(output, (".json",))
-    record = run_mattausch(_models(folder), frames, clock)
-    _report(record, output, as_json)
+    record = run_mattausch(models_folder(folder), frames, clock)
+    report(record, output, as_json)
 
 
 @app.command("stich-city")
@@ -151,7 +149,7 @@ def stich_city(
     tree: Annotated[int, typer.Option(min=0, metavar="N", help="Of these, in a tree in a street.")] = 0,
     method: Annotated[list[str], typer.Option(metavar="NAME", help="Repeatable; frustum and robust-gs.")] = [],  # noqa: B006
     frames: Annotated[int, typer.Option(min=1, metavar="N", help="Timed frames of each path.")] = 15,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file to write.")] = None,
+    output: Output = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -163,7 +161,7 @@ def stich_city(
     for name in names:
         make_method(name, culling=True)
     record = run_city((lots.width, lots.height), triangles, tree, names, frames, clock)
-    _report(record, output, as_json)
+    report(record, output, as_json)
     if record.broken:
         raise typer.Exit(1)
 
@@ -185,15 +183,6 @@ def check() -> None:
         print(text)
     if record.broken:
         raise typer.Exit(1)
-
-
-def _report(record: SunRecord | SmoothRecord | CityRecord, output: Path | None, as_json: bool) -> None:
-    if output is not None:
-        record.save(output)
-    if as_json:
-        print(json.dumps(record.as_dict()))
-    else:
-        record.show(Console(highlight=False))
 
 
 def _carry_out(benchmark: Benchmark, output: Path | None, resume: Path | None, clock: Clock) -> Record:
@@ -220,12 +209,6 @@ def _carry_out(benchmark: Benchmark, output: Path | None, resume: Path | None, c
         if file is not None and record.cases:
             note(f"finished cases are kept ({len(record.cases)}): go on with --resume {file}")
         raise
-
-
-def _models(folder: Path | None) -> Path | None:
-    if folder is not None and not folder.is_dir():
-        raise OptionError(f"--models: {folder} is not a folder")
-    return folder or default_folder()
 
 
 def _scenes(names: list[str], full: bool) -> list[str]:

@@ -40,13 +40,17 @@ class BenchScene:
 
         Raises `ModelError` when the model is not in the folder.
         """
+        return self.read(folder).opaque()
+
+    def read(self, folder: Path | None) -> Scene:
+        """The same with its own materials."""
         if not isinstance(self.source, str):
-            return self.source().opaque()
+            return self.source()
         if folder is None:
             raise ModelError(f"model {self.source} not found: no folder of models (give --models)")
         if not (folder / self.source).is_file():
             raise ModelError(f"model {self.source} not found in {folder} (give --models)")
-        return load(folder / self.source).opaque()
+        return load(folder / self.source)
 
     def camera(self, scene: Scene, width: int, height: int) -> Camera:
         """The camera of the first run."""

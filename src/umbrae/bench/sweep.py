@@ -3,7 +3,7 @@
 import dataclasses
 import datetime
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,38 @@ from umbrae.bench import machine
 from umbrae.bench.record import SCHEMA
 from umbrae.errors import InputError
 from umbrae.files import load_text, save_text
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a table tells of its cells: the time of a frame, or a sum of counters.
+
+    Attributes
+    ----------
+    name, unit
+        For headings and for the paper's rows.
+    scale
+        How many seconds, or counted things, one unit is.
+    counters
+        Which counters are added up, of those that a method has; none for the time.
+    comparable
+        Whether the paper's values mean the same on another machine, as bytes do. They stand beside ours then; of all
+        others only ratios do.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    counters: tuple[str, ...] = ()
+    comparable: bool = False
+
+    @property
+    def form(self) -> str:
+        """How to write a value."""
+        return "{:.2f}" if self.counters else "{:.1f}"
+
+
+TIME = Quantity("time", "ms", 1e-3)
 
 
 @dataclass(frozen=True)
@@ -54,14 +86,24 @@ class Cell:
         """Seconds of the frame in the middle."""
         return float(np.median(self.seconds))
 
+    def value(self, quantity: Quantity) -> float | None:
+        """So many units of a quantity; None where nothing of it was measured."""
+        if self.not_run is not None:
+            return None
+        if not quantity.counters:
+            return self.median / quantity.scale if self.seconds else None
+        found = [self.counters[name] for name in quantity.counters if name in self.counters]
+        return sum(found) / quantity.scale if found else None
+
 
 @dataclass(frozen=True)
 class PaperRow:
-    """What a paper tells of one row: `values` by column, in milliseconds a frame."""
+    """What a paper tells of one row: `values` by column, in units of the table's quantity of that name."""
 
     row: str
     device: str
     values: Mapping[str, float]
+    quantity: str = TIME.name
 
 
 @dataclass(frozen=True)
@@ -76,6 +118,8 @@ class Sweep:
         What changes from column to column, and its values in order.
     base
         The row to which ratios are given.
+    quantities
+        What is told of the cells, the main thing first.
     size
         Pixels, where all columns have the same.
     note
@@ -91,6 +135,7 @@ class Sweep:
     paper: tuple[PaperRow, ...] = ()
     size: tuple[int, int] | None = None
     note: str = ""
+    quantities: tuple[Quantity, ...] = (TIME,)
 
 
 @dataclass(frozen=True)
@@ -127,15 +172,22 @@ class SweepRecord:
         """A cell that was measured."""
         return next((one for one in self.cells if (one.row, one.column) == (row, column) and one.not_run is None), None)
 
-    def ratio(self, row: str, column: str) -> float | None:
-        """The time of a row over that of the base, where both were measured."""
-        one, base = self.cell(row, column), self.cell(self.sweep.base, column)
-        return None if one is None or base is None else one.median / base.median
+    def ratio(self, row: str, column: str, quantity: Quantity | None = None) -> float | None:
+        """A row's value over that of the base, where both were measured; of the first quantity by default."""
+        quantity = quantity or self.sweep.quantities[0]
+        one, base = (self.cell(name, column) for name in (row, self.sweep.base))
+        ours, theirs = (None if cell is None else cell.value(quantity) for cell in (one, base))
+        return None if ours is None or not theirs else ours / theirs
 
-    def paper_ratio(self, row: str, column: str, device: str) -> float | None:
-        """The same of the paper's device."""
-        values = {one.row: one.values for one in self.sweep.paper if one.device == device}
-        theirs, base = (values.get(name, {}).get(column) for name in (row, self.sweep.base))
+    def paper_value(self, row: str, column: str, device: str, quantity: Quantity | None = None) -> float | None:
+        """What the paper tells of a device, in units of the quantity."""
+        name = (quantity or self.sweep.quantities[0]).name
+        told = (one for one in self.sweep.paper if (one.row, one.device, one.quantity) == (row, device, name))
+        return next((one.values[column] for one in told if column in one.values), None)
+
+    def paper_ratio(self, row: str, column: str, device: str, quantity: Quantity | None = None) -> float | None:
+        """The ratio of the paper's device."""
+        theirs, base = (self.paper_value(name, column, device, quantity) for name in (row, self.sweep.base))
         return None if theirs is None or not base else theirs / base
 
     @property
@@ -162,8 +214,13 @@ class SweepRecord:
             paper = tuple(PaperRow(**row) for row in sweep.pop("paper"))
             size = sweep.pop("size")
             columns = tuple(sweep.pop("columns"))
+            quantities = tuple(
+                Quantity(**{**one, "counters": tuple(one["counters"])}) for one in sweep.pop("quantities")
+            )
             cells = tuple(Cell(**{**cell, "seconds": tuple(cell["seconds"])}) for cell in document["cells"])
-            whole = Sweep(**sweep, columns=columns, paper=paper, size=tuple(size) if size else None)
+            whole = Sweep(
+                **sweep, columns=columns, paper=paper, size=tuple(size) if size else None, quantities=quantities
+            )
             return cls(whole, dict(document["machine"]), str(document["date"]), cells)
         except InputError:
             raise
@@ -171,25 +228,12 @@ class SweepRecord:
             raise InputError(f"{path}: damaged, or no table of umbrae bench: {type(error).__name__} {error}") from error
 
     def show(self, console: Console) -> None:
-        """Print milliseconds, ratios to the base beside the paper's, and what did not run."""
+        """Print each quantity, ratios to the base and the paper's beside them, and what did not run."""
         sweep = self.sweep
         size = f", {sweep.size[0]}x{sweep.size[1]}" if sweep.size else ""
         console.print(f"{sweep.title} ({sweep.source}){size}", markup=False)
-        rows = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-        rows.add_column(sweep.axis, no_wrap=True)
-        for column in sweep.columns:
-            rows.add_column(column, justify="right", no_wrap=True)
-        for row in self.rows:
-            found = [self.cell(row, column) for column in sweep.columns]
-            rows.add_row(f"{row}, ms", *("" if one is None else f"{1e3 * one.median:.1f}" for one in found))
-        for row in (row for row in self.rows if row != sweep.base):
-            ours = [self.ratio(row, column) for column in sweep.columns]
-            rows.add_row(f"{row} / {sweep.base}", *(_ratio(value) for value in ours))
-            for device in self.devices:
-                theirs = [self.paper_ratio(row, column, device) for column in sweep.columns]
-                if any(value is not None for value in theirs):
-                    rows.add_row(Text(f"  {device}", style="dim"), *(_ratio(value) for value in theirs))
-        console.print(rows)
+        for quantity in sweep.quantities:
+            console.print(self._table(quantity))
         if sweep.note:
             console.print(sweep.note, markup=False)
         for text in dict.fromkeys(f"  {one.row} not run: {one.not_run}" for one in self.cells if one.not_run):
@@ -202,6 +246,30 @@ class SweepRecord:
                     markup=False,
                 )
 
+    def _table(self, quantity: Quantity) -> Table:
+        """A quantity of all rows, then their ratios; values instead, if the paper's can be compared as they are."""
+        sweep = self.sweep
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        table.add_column(sweep.axis, no_wrap=True)
+        for column in sweep.columns:
+            table.add_column(column, justify="right", no_wrap=True)
 
-def _ratio(value: float | None) -> str:
-    return "" if value is None else f"{value:.2f}"
+        def add(name: str, ours: Sequence[float | None], told: Callable[..., float | None], form: str) -> None:
+            lines: list[tuple[str | Text, Sequence[float | None]]] = [(name, ours)]
+            for device in self.devices:
+                theirs = [told(row, column, device, quantity) for column in sweep.columns]
+                if any(value is not None for value in theirs):
+                    lines.append((Text(f"  {device}", style="dim"), theirs))
+            if len(lines) > 1 or any(value is not None for value in ours):
+                for line, values in lines:
+                    table.add_row(line, *("" if value is None else form.format(value) for value in values))
+
+        values = self.paper_value if quantity.comparable else lambda *_: None
+        for row in self.rows:
+            cells = [self.cell(row, column) for column in sweep.columns]
+            ours = [None if cell is None else cell.value(quantity) for cell in cells]
+            add(f"{row}, {quantity.unit}", ours, values, quantity.form)
+        for row in (row for row in self.rows if row != sweep.base and not quantity.comparable):
+            ratios = [self.ratio(row, column, quantity) for column in sweep.columns]
+            add(f"{row} / {sweep.base}", ratios, self.paper_ratio, "{:.2f}")
+        return table

@@ -1,7 +1,7 @@
 """Measuring a paper's table: all rows of a column take turns on every frame of its flight."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,13 +24,15 @@ WARM_UPS = 2
 class Column:
     """One column: its name, how to come by its scene, and what is seen of it, one view a frame.
 
-    `rows` are the methods of this column by name; a row that has none is left out.
+    `rows` are the methods of this column by name; a row that has none is left out. `looks` are functions that give the
+    scene other materials, for the rows that want them.
     """
 
     name: str
     scene: Callable[[], Scene]
     views: Callable[[Scene], Sequence[View]]
     rows: Mapping[str, Method]
+    looks: Mapping[str, Callable[[Scene], Scene]] = field(default_factory=dict)
 
 
 def run_sweep(sweep: Sweep, columns: Sequence[Column], check: int, clock: Clock) -> SweepRecord:
@@ -61,14 +63,14 @@ class _Row:
         self.mask: ShadowMask | None = None
         self.stopped: str | None = None
         self._caster: Caster | None = None
-        self._scene = scene
+        self.scene = scene
 
     def frame(self, view: View, samples: ViewSamples, timed: bool) -> None:
         """The shadows of a frame; what Umbrae refuses to do ends this row's way, not the benchmark."""
         if self.stopped is not None:
             return
         try:
-            caster = self._caster = self._caster or self.method.prepare(self._scene)
+            caster = self._caster = self._caster or self.method.prepare(self.scene)
             taken, mask = stopwatch(lambda: caster.shadow(view.light, samples))
         except UmbraeError as error:
             self.stopped = str(error)
@@ -80,24 +82,26 @@ class _Row:
 
     def cell(self, column: str, truth: Truth) -> Cell:
         """What there is to report of a column; the last mask against the truth."""
-        guarantee = str(self.method.guarantee)
         if self.stopped is not None or self.mask is None:
-            return Cell(self.name, column, guarantee, not_run=self.stopped)
+            return Cell(self.name, column, str(self.method.guarantee), not_run=self.stopped)
+        # Options can take back what a method promises.
+        guarantee = str(self.mask.guarantee)
         verdict = truth.judge(self.mask)
         counters = {name: int(np.median([one.get(name, 0) for one in self.counters])) for name in self.counters[-1]}
         return Cell(self.name, column, guarantee, tuple(self.seconds), counters, verdict.checked, verdict.outside_band)
 
 
 def _measure(column: Column, scene: Scene, check: int, clock: Clock) -> list[Cell]:
-    rows = [_Row(name, method, scene) for name, method in column.rows.items()]
     views = column.views(scene)
+    looks = {name: column.looks[name](scene) if name in column.looks else scene for name in column.rows}
+    rows = [_Row(name, method, looks[name]) for name, method in column.rows.items()]
     frames = [*[views[0]] * WARM_UPS, *views]
     for number, view in enumerate(frames):
-        samples = sample(scene, view.camera)
+        samples = {one: sample(one, view.camera) for one in dict.fromkeys(looks.values())}
         # Nobody always comes after the same one, and finds the caches as that one leaves them.
         first = number % max(1, len(rows))
         for row in (*rows[first:], *rows[:first]):
-            row.frame(view, samples, number >= WARM_UPS)
+            row.frame(view, samples[row.scene], number >= WARM_UPS)
         clock.advance(number + 1, len(frames))
-    truth = Truth.find(scene, views[-1].light, samples, check)
-    return [row.cell(column.name, truth) for row in rows]
+    truths = {one: Truth.find(one, views[-1].light, seen, check) for one, seen in samples.items()}
+    return [row.cell(column.name, truths[row.scene]) for row in rows]

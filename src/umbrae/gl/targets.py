@@ -50,6 +50,11 @@ class CountTarget:
             gl.glReadPixels(0, 0, self.width, self.height, gl.GL_RED, gl.GL_FLOAT, found)
         return found.astype(np.int32)
 
+    @property
+    def counter_bytes(self) -> int:
+        """What the counter takes beside the depth; drivers may pad a stencil."""
+        return self.width * self.height * (1 if self.stencil else 4)
+
     def delete(self) -> None:
         """Give its memory back."""
         gl = self.session.gl

@@ -11,7 +11,7 @@ from umbrae.geometry.volume_faces import facing_of_all
 from umbrae.gl.context import Session, session
 from umbrae.gl.queries import stage
 from umbrae.light import Light
-from umbrae.mask import ShadowMask
+from umbrae.mask import ShadowMask, add_stats
 from umbrae.methods.frustum_gl.exact import decide_pairs, shares_of_pairs
 from umbrae.methods.frustum_gl.layout import Part, View, parts_of, view_of
 from umbrae.methods.frustum_gl.passes import MOST_TASKS, PAIR_BYTES, Defines, Passes
@@ -103,6 +103,7 @@ class FrustumGlCaster(Caster):
         clock = clock or Clock()
         names = "tile_frustum_tests", "sample_frustum_tests", "accepts", "rejects", "fallbacks", "predicate_fallbacks"
         stats = dict.fromkeys(names, 0)
+        memory: dict[str, int] = {}
         merged = []
         if self._seed is not None:
             self._key = key_of(self._seed, LIGHT, light.position)
@@ -114,6 +115,7 @@ class FrustumGlCaster(Caster):
             for band in uploaded.bands:
                 with stage(current, clock, "hierarchy"):
                     self.passes.build(band)
+                add_stats(memory, self.passes.memory(band))
                 pairs = self._cast(light, uploaded.view, band, False, stats, clock)
                 if self.table is not None:
                     more = self._cast(light, uploaded.view, band, True, stats, clock)
@@ -124,7 +126,12 @@ class FrustumGlCaster(Caster):
                     merged.append(self.passes.merge(band, *found))
         partial = () if self.table is None else tuple(shares for _, shares in merged)
         return GpuShadow(
-            self.session, uploaded, tuple(verdict for verdict, _ in merged), partial, self._key is not None, stats
+            self.session,
+            uploaded,
+            tuple(verdict for verdict, _ in merged),
+            partial,
+            self._key is not None,
+            stats | memory,
         )
 
     def _face(self, light: Light) -> None:

@@ -155,11 +155,17 @@ class Passes:
 
     def let_all_through(self, band: Band) -> None:
         """No caster has dimmed any light yet."""
+        if dimmed := self._dimmed_bytes(band):
+            clear(self.session, self._room(DIMMED, dimmed))
+
+    def memory(self, band: Band) -> dict[str, int]:
+        """Bytes of the samples, of the hierarchy above them, and of the shadow buffer, as far as `band` fills them."""
         tiles = band.part.tiles
-        if self._by_chance:
-            clear(self.session, self._room(DIMMED, 12 * tiles.count(1)))
-        elif self._materials:
-            clear(self.session, self._room(DIMMED, 12 * (tiles.places + tiles.nodes)))
+        return {
+            "samples_bytes": band.given.size + band.places.size,
+            "hierarchy_bytes": 32 * tiles.nodes + 4 * tiles.words,
+            "shadow_buffer_bytes": 4 * tiles.words + self._dimmed_bytes(band),
+        }
 
     def tree(self, tiles: Tiles) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         """What `build` has found: `(nodes, 2, 4)` lowest and highest x, y, q; `(words,)` which children there are."""
@@ -256,6 +262,13 @@ class Passes:
     def through(self) -> Defines:
         """For shaders that casters which let light through need."""
         return {"SEE_THROUGH": 1, **self._by_chance} if self._materials else {}
+
+    def _dimmed_bytes(self, band: Band) -> int:
+        """Three bits for each sample where chance decides, else three sums for each sample and node."""
+        tiles = band.part.tiles
+        if self._by_chance:
+            return 12 * tiles.count(1)
+        return 12 * (tiles.places + tiles.nodes) if self._materials else 0
 
     def _dimmed(self, band: Band) -> dict[int, Any]:
         """What casters have let through, and what chance needs to decide that."""

@@ -263,6 +263,7 @@ class CountingEngine(ABC):
             with clock.span("read"):
                 count[..., sample] = target.read()
         stats |= {"zfail": int(behind), "volumes_at_eye": start, "caps": len(capped), "counter_updates": updates}
+        stats["counter_bytes"] = target.counter_bytes
         if self.culling is not None:
             stats |= {"culled": int(np.count_nonzero(~drawn)), "queries": queries}
         return stats
