@@ -82,6 +82,12 @@ def test_counters_that_a_method_has_are_added_up_and_compared():
     assert ["card", "2.50"] in lines and not any(line[:2] == ["none,", "million"] for line in lines)
 
 
+def test_a_column_that_did_not_run_is_named_once():
+    missing = [Cell(row, "more", not_run="no model") for row in ("fast", "slow")]
+    text = printed(SweepRecord.of(SWEEP, [*missing, Cell("slow", "few", not_run="no OpenGL"), CELLS[0]]))
+    assert text.count("not run") == 2 and "more not run: no model" in text and "slow not run: no OpenGL" in text
+
+
 def test_what_means_the_same_everywhere_stands_beside_the_papers_values():
     cells = [Cell("stencil", "few", "", (), {"buffer_bytes": 3 << 20}), Cell("lists", "few", not_run="no memory")]
     paper = tuple(PaperRow(name, "card", {"few": 16.0}, "memory") for name in ("stencil", "lists"))

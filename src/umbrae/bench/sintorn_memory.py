@@ -8,12 +8,15 @@ from umbrae.bench.sweep import Cell, PaperRow, Quantity, Sweep, SweepRecord
 from umbrae.camera import Camera
 from umbrae.clock import Clock
 from umbrae.errors import UmbraeError
+from umbrae.light import Light
 from umbrae.methods import Method, make_method
 from umbrae.samples import ViewSamples
 from umbrae.sampling import sample
 from umbrae.scene import Scene
 
 SIZES = (1024, 4096)
+LIGHT = Light.point((4.0, 14.0, 6.0))
+"""Over the pavilion; parallel light would need no cube."""
 MEMORY = Quantity("memory", "MiB", 2**20, ("bytes",), comparable=True)
 PER_SAMPLE = Quantity("memory a sample", "bits a sample", 1e6, ("bits_of_a_million_samples",), comparable=True)
 _PAPER_SIZE = 4096
@@ -132,6 +135,6 @@ def _told(counted: Mapping[str, int], buffer: Buffer, samples: int) -> dict[str,
 def _stats(scene: Scene, method: Method, samples: ViewSamples) -> tuple[Mapping[str, int], str | None]:
     """What a mask counted, or why there is none."""
     try:
-        return method.prepare(scene).shadow(models.pavilion_light(), samples).stats, None
+        return method.prepare(scene).shadow(LIGHT, samples).stats, None
     except UmbraeError as error:
         return {}, str(error)

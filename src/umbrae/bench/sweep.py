@@ -236,8 +236,8 @@ class SweepRecord:
             console.print(self._table(quantity))
         if sweep.note:
             console.print(sweep.note, markup=False)
-        for text in dict.fromkeys(f"  {one.row} not run: {one.not_run}" for one in self.cells if one.not_run):
-            console.print(text, markup=False)
+        for what, reason in self._not_run():
+            console.print(f"  {what} not run: {reason}", markup=False)
         for one in self.cells:
             if one.broken:
                 console.print(
@@ -245,6 +245,17 @@ class SweepRecord:
                     f"of {one.column} differ from the oracle",
                     markup=False,
                 )
+
+    def _not_run(self) -> list[tuple[str, str]]:
+        """What did not run and why: a column, where all its rows have the same reason, or rows."""
+        found: dict[tuple[str, str], None] = {}
+        for column in self.sweep.columns:
+            cells = [one for one in self.cells if one.column == column]
+            whole = len(cells) > 1 and len({one.not_run for one in cells}) == 1
+            for one in cells:
+                if one.not_run is not None:
+                    found[column if whole else one.row, one.not_run] = None
+        return list(found)
 
     def _table(self, quantity: Quantity) -> Table:
         """A quantity of all rows, then their ratios; values instead, if the paper's can be compared as they are."""
