@@ -95,7 +95,7 @@ def test_variants_are_exact_but_for_chance():
 
 @pytest.mark.usefixtures("opengl")
 def test_bytes_of_every_buffer_beside_the_papers():
-    record = run_memory((32, 64), Clock(), models.pavilion)
+    record = run_memory((32, 64), Clock())
     assert record.rows == tuple(one.row for one in BUFFERS) and all(one.not_run is None for one in record.cells)
     at = {row: record.cell(row, "64x64").counters["bytes"] for row in record.rows}
     assert at["shadow volumes, stencil"] == 64 * 64 and at["shadow volumes, float counter"] == 4 * 64 * 64

@@ -99,7 +99,7 @@ def test_a_filter_makes_steps_of_grey_across_edges(roof):
 
 
 def test_a_filter_looks_beyond_the_face_of_a_cube():
-    """The roof's edge is seen at 45 degrees, where two faces meet: half of the texels around its shadow's edge are lit."""
+    """The roof's edge is seen at 45 degrees, where two faces meet: half of the texels around it are lit."""
     ground = [(-9, 0, 9), (9, 0, 9), (9, 0, -9), (-9, 0, -9)]
     scene = Scene(
         [*ground, (-1, 3, 1), (2, 3, 1), (2, 3, -1), (-1, 3, -1)], [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)]
@@ -112,7 +112,7 @@ def test_a_filter_looks_beyond_the_face_of_a_cube():
     method = ShadowMap(size=256, filter=8, projection="cube")
     share = method.prepare(scene).shadow(Light.point((0, 5, 0)), samples).transmittance[:, 0]
     assert share[:2].tolist() == [0.0, 0.0] and share[-2:].tolist() == [1.0, 1.0]
-    assert (0.3 < share[2:6]).all() and (share[2:6] < 0.7).all(), share
+    assert (abs(share[2:6] - 0.5) < 0.2).all(), share
     # Where there is no filter, faces are not wider than they must be.
     bare = ShadowMap(size=256, projection="cube").prepare(scene).shadow(Light.point((0, 5, 0)), samples)
     assert bare.in_shadow.tolist() == [True] * 4 + [False] * 4

@@ -1,6 +1,6 @@
 """Bytes of each buffer: section 4 of Sintorn, Olsson and Assarsson 2011."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from umbrae import models
@@ -75,13 +75,13 @@ def methods_of(size: int) -> dict[str, Method]:
     }
 
 
-def run_memory(sizes: Sequence[int], clock: Clock, scene: Callable[[], Scene] = models.pavilion) -> SweepRecord:
+def run_memory(sizes: Sequence[int], clock: Clock) -> SweepRecord:
     """Cast one shadow at each size for each method that has a buffer in the table."""
     columns = tuple(f"{size}x{size}" for size in sizes)
     cells: list[Cell] = []
     for size, column in zip(sizes, columns, strict=True):
         with clock.span(column):
-            cells += _measure(scene(), size, column, clock)
+            cells += _measure(models.pavilion(), size, column, clock)
     paper: list[PaperRow] = []
     for one in BUFFERS:
         if one.megabytes is not None:
