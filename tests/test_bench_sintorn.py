@@ -46,7 +46,7 @@ def card() -> um.Scene:
 
 def test_flights_count_the_paths_operations_and_name_what_is_not_there():
     record = run_flythrough(None, ("few", "gone"), (16, 64), (), 3, Clock())
-    assert record.sweep.columns == ("few 16", "gone 16", "few 64", "gone 64")
+    assert record.sweep.columns == ("few 16", "few 64", "gone 16", "gone 64")
     plain, culled = (record.cell(row, "few 64") for row in ("frustum", "frustum, culled"))
     assert len(plain.seconds) == 3 and not record.broken and plain.checked > 0
     tests = plain.counters["tile_frustum_tests"] + plain.counters["sample_frustum_tests"]

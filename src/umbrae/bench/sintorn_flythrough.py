@@ -70,7 +70,7 @@ NOTE = (
 
 def sweep_of(scenes: Sequence[str], sizes: Sequence[int]) -> Sweep:
     """What the table is about."""
-    columns = {f"{scene} {size}": _UNCULLED.get(size) for size in sizes for scene in scenes}
+    columns = {f"{scene} {size}": _UNCULLED.get(size) for scene in scenes for size in sizes}
     told = {name: times for name, times in columns.items() if times is not None}
     device = "citadel, GTX480"
     paper = (
@@ -138,5 +138,5 @@ def run_flythrough(
             rows_of(size in opengl_sizes),
         )
 
-    columns = [column(name, size) for size in sizes for name in scenes]
+    columns = [column(name, size) for name in scenes for size in sizes]
     return run_sweep(sweep_of(scenes, sizes), columns, CHECKED, clock)
