@@ -35,8 +35,8 @@ def views(scene: Scene) -> list[View]:
     return [View(camera, models.spheres_light())] * 3
 
 
-def printed(record: SweepRecord) -> str:
-    console = Console(width=120, record=True, quiet=False, file=None)
+def printed(record: SweepRecord, width: int = 120) -> str:
+    console = Console(width=width, record=True, quiet=False, file=None)
     with console.capture() as capture:
         record.show(console)
     return capture.get()
@@ -80,6 +80,23 @@ def test_counters_that_a_method_has_are_added_up_and_compared():
     lines = [line.split() for line in printed(record).splitlines()]
     assert ["fast,", "million", "4.00"] in lines and ["slow", "/", "fast", "0.50"] in lines
     assert ["card", "2.50"] in lines and not any(line[:2] == ["none,", "million"] for line in lines)
+
+
+def test_columns_that_do_not_fit_come_below():
+    columns = tuple(f"some scene {number}" for number in range(7))
+    cells = [
+        Cell(row, column, seconds=(number + 1.0,)) for number, column in enumerate(columns) for row in ("fast", "slow")
+    ]
+    text = printed(SweepRecord.of(dataclasses.replace(SWEEP, columns=columns), cells), 60)
+    assert all(text.count(column) == 1 for column in columns) and "…" not in text
+    assert [text.count(f"{number + 1}000.0") for number in range(7)] == [2] * 7
+    assert max(len(line) for line in text.splitlines()) <= 60 and text.count("triangles") == 3
+
+
+def test_a_column_that_did_not_run_is_named_once():
+    missing = [Cell(row, "more", not_run="no model") for row in ("fast", "slow")]
+    text = printed(SweepRecord.of(SWEEP, [*missing, Cell("slow", "few", not_run="no OpenGL"), CELLS[0]]))
+    assert text.count("not run") == 2 and "more not run: no model" in text and "slow not run: no OpenGL" in text
 
 
 def test_what_means_the_same_everywhere_stands_beside_the_papers_values():

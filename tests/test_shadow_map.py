@@ -98,6 +98,26 @@ def test_a_filter_makes_steps_of_grey_across_edges(roof):
     assert np.abs(mask.transmittance - truth.transmittance).mean() < 0.02
 
 
+def test_a_filter_looks_beyond_the_face_of_a_cube():
+    """The roof's edge is seen at 45 degrees, where two faces meet: half of the texels around it are lit."""
+    ground = [(-9, 0, 9), (9, 0, 9), (9, 0, -9), (-9, 0, -9)]
+    scene = Scene(
+        [*ground, (-1, 3, 1), (2, 3, 1), (2, 3, -1), (-1, 3, -1)], [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)]
+    )
+    x = np.array([3.0, 4.2, 4.95, 4.999, 5.001, 5.05, 5.8, 7.0])
+    uv = np.stack([x / 18 + 0.5, np.full(len(x), 0.5 - 0.3 / 18)], axis=1)
+    # Of the two triangles, the one that holds them: p = a + u (b - a) + v (c - a), with b - a along x.
+    samples = ViewSamples.on_surface(scene, np.zeros(len(x), int), np.stack([uv[:, 0] - uv[:, 1], uv[:, 1]], axis=1), 1)
+    np.testing.assert_allclose(samples.position[:, 0], x, atol=1e-5)
+    method = ShadowMap(size=256, filter=8, projection="cube")
+    share = method.prepare(scene).shadow(Light.point((0, 5, 0)), samples).transmittance[:, 0]
+    assert share[:2].tolist() == [0.0, 0.0] and share[-2:].tolist() == [1.0, 1.0]
+    assert (abs(share[2:6] - 0.5) < 0.2).all(), share
+    # Where there is no filter, faces are not wider than they must be.
+    bare = ShadowMap(size=256, projection="cube").prepare(scene).shadow(Light.point((0, 5, 0)), samples)
+    assert bare.in_shadow.tolist() == [True] * 4 + [False] * 4
+
+
 def test_samples_turned_away_are_dark_without_a_look(roof):
     under = ViewSamples.on_surface(roof, [0, 1, 2], [[0.25, 0.25]] * 3, -1)
     for light in LIGHTS.values():

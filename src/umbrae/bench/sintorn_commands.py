@@ -20,9 +20,7 @@ app = typer.Typer(rich_markup_mode=None)
 
 @app.command("sintorn-flythrough")
 def flythrough(
-    full: Annotated[
-        bool, typer.Option("--full/--quick", help="OpenGL at 4096x4096 too, or only the CPU: minutes against hours.")
-    ] = False,
+    full: Annotated[bool, typer.Option("--full/--quick", help="OpenGL at 4096x4096 too, or only the CPU.")] = False,
     scene: Annotated[
         list[str], typer.Option(metavar="NAME", help=f"One of {', '.join(sintorn_flythrough.FLIGHTS)}; repeatable.")
     ] = [],  # noqa: B006
@@ -42,7 +40,7 @@ def flythrough(
 
 @app.command("sintorn-variants")
 def variants(
-    full: Annotated[bool, typer.Option("--full/--quick", help="All scenes on OpenGL too, or on the CPU.")] = False,
+    full: Annotated[bool, typer.Option("--full/--quick", help="On OpenGL too, or only on the CPU.")] = False,
     scene: Annotated[
         list[str], typer.Option(metavar="NAME", help=f"One of {', '.join(sintorn_variants.SCENES)}; repeatable.")
     ] = [],  # noqa: B006

@@ -1,6 +1,6 @@
 """Bytes of each buffer: section 4 of Sintorn, Olsson and Assarsson 2011."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from umbrae import models
@@ -8,12 +8,15 @@ from umbrae.bench.sweep import Cell, PaperRow, Quantity, Sweep, SweepRecord
 from umbrae.camera import Camera
 from umbrae.clock import Clock
 from umbrae.errors import UmbraeError
+from umbrae.light import Light
 from umbrae.methods import Method, make_method
 from umbrae.samples import ViewSamples
 from umbrae.sampling import sample
 from umbrae.scene import Scene
 
 SIZES = (1024, 4096)
+LIGHT = Light.point((4.0, 14.0, 6.0))
+"""Over the pavilion; parallel light would need no cube."""
 MEMORY = Quantity("memory", "MiB", 2**20, ("bytes",), comparable=True)
 PER_SAMPLE = Quantity("memory a sample", "bits a sample", 1e6, ("bits_of_a_million_samples",), comparable=True)
 _PAPER_SIZE = 4096
@@ -72,13 +75,13 @@ def methods_of(size: int) -> dict[str, Method]:
     }
 
 
-def run_memory(sizes: Sequence[int], clock: Clock, scene: Callable[[], Scene] = models.pavilion) -> SweepRecord:
+def run_memory(sizes: Sequence[int], clock: Clock) -> SweepRecord:
     """Cast one shadow at each size for each method that has a buffer in the table."""
     columns = tuple(f"{size}x{size}" for size in sizes)
     cells: list[Cell] = []
     for size, column in zip(sizes, columns, strict=True):
         with clock.span(column):
-            cells += _measure(scene(), size, column, clock)
+            cells += _measure(models.pavilion(), size, column, clock)
     paper: list[PaperRow] = []
     for one in BUFFERS:
         if one.megabytes is not None:
@@ -132,6 +135,6 @@ def _told(counted: Mapping[str, int], buffer: Buffer, samples: int) -> dict[str,
 def _stats(scene: Scene, method: Method, samples: ViewSamples) -> tuple[Mapping[str, int], str | None]:
     """What a mask counted, or why there is none."""
     try:
-        return method.prepare(scene).shadow(models.pavilion_light(), samples).stats, None
+        return method.prepare(scene).shadow(LIGHT, samples).stats, None
     except UmbraeError as error:
         return {}, str(error)

@@ -19,7 +19,6 @@ from umbrae.models.builder import Builder
 from umbrae.models.textures import sprig
 from umbrae.models.tree import tree
 from umbrae.scene import Scene
-from umbrae.transmission import SOLID, transmission_of
 
 SIZE = (1024, 1024)
 CHECKED = 2_000
@@ -67,29 +66,24 @@ NOTE = (
 
 
 def over_ground(scene: Scene) -> Scene:
-    """The scene around the origin on a floor; what of its leaves is solid everywhere, such as a trunk, stays so."""
+    """The scene around the origin on a floor three times as wide."""
     low, high = scene.bounds.astype(np.float64)
-    middle = (low + high) / 2
+    middle, reach = (low + high) / 2, 1.5 * float((high - low).max())
     positions = scene.positions - np.array([middle[0], low[1], middle[2]])
-    table = transmission_of(scene)
-    solid = np.ones(len(scene.triangles), bool) if table is None else table.kind == SOLID
-    materials = [dataclasses.replace(one, alpha_mode="OPAQUE", transmission=0.0) for one in scene.materials]
-    reach = 1.5 * float((high - low).max())
-    floor = np.array([(-reach, 0, reach), (reach, 0, reach), (reach, 0, -reach), (-reach, 0, -reach)])
-    count = len(scene.materials)
     uv = np.zeros((len(positions), 2)) if scene.uv is None else scene.uv
+    floor = np.array([(-reach, 0, reach), (reach, 0, reach), (reach, 0, -reach), (-reach, 0, -reach)])
     return Scene(
         np.concatenate([positions, floor]),
         np.concatenate([scene.triangles, len(positions) + np.array([(0, 1, 2), (0, 2, 3)])]),
-        [*scene.materials, *materials, Material((0.75, 0.74, 0.7, 1.0), name="floor")],
-        np.concatenate([scene.material_id + count * solid, [2 * count, 2 * count]]),
+        [*scene.materials, Material((0.75, 0.74, 0.7, 1.0), name="floor")],
+        np.append(scene.material_id, 2 * [len(scene.materials)]),
         uv=np.concatenate([uv, np.zeros((4, 2))]),
-        object_id=np.concatenate([scene.object_id, np.full(2, scene.object_id.max(initial=0) + 1)]),
+        object_id=np.append(scene.object_id, 2 * [scene.object_id.max(initial=0) + 1]),
     )
 
 
 def with_leaves(leaf: Leaf) -> Callable[[Scene], Scene]:
-    """A function that gives a scene other leaves: what is not solid."""
+    """A function that gives a scene other leaves: all that is of a material which is not solid."""
 
     def look(scene: Scene) -> Scene:
         materials = [one if one.casts_solid else leaf(one) for one in scene.materials]

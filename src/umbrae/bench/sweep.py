@@ -233,11 +233,12 @@ class SweepRecord:
         size = f", {sweep.size[0]}x{sweep.size[1]}" if sweep.size else ""
         console.print(f"{sweep.title} ({sweep.source}){size}", markup=False)
         for quantity in sweep.quantities:
-            console.print(self._table(quantity))
+            for columns in self._parts(quantity, console.width):
+                console.print(self._table(quantity, columns))
         if sweep.note:
             console.print(sweep.note, markup=False)
-        for text in dict.fromkeys(f"  {one.row} not run: {one.not_run}" for one in self.cells if one.not_run):
-            console.print(text, markup=False)
+        for what, reason in self._not_run():
+            console.print(f"  {what} not run: {reason}", markup=False)
         for one in self.cells:
             if one.broken:
                 console.print(
@@ -246,18 +247,38 @@ class SweepRecord:
                     markup=False,
                 )
 
-    def _table(self, quantity: Quantity) -> Table:
+    def _not_run(self) -> list[tuple[str, str]]:
+        """What did not run and why: a column, where all its rows have the same reason, or rows."""
+        found: dict[tuple[str, str], None] = {}
+        for column in self.sweep.columns:
+            cells = [one for one in self.cells if one.column == column]
+            whole = len(cells) > 1 and len({one.not_run for one in cells}) == 1
+            for one in cells:
+                if one.not_run is not None:
+                    found[column if whole else one.row, one.not_run] = None
+        return list(found)
+
+    def _parts(self, quantity: Quantity, width: int) -> list[tuple[str, ...]]:
+        """The columns in groups that fit beside the rows' names."""
+        name = max(
+            len(f"{row}{end}") for row in (*self.rows, "") for end in (f", {quantity.unit}", f" / {self.sweep.base}")
+        )
+        each = max((max(len(column), len("10000.00")) + 2 for column in self.sweep.columns), default=1)
+        most = max(1, (width - max(name, len(self.sweep.axis))) // each)
+        return [self.sweep.columns[start : start + most] for start in range(0, len(self.sweep.columns), most)]
+
+    def _table(self, quantity: Quantity, columns: Sequence[str]) -> Table:
         """A quantity of all rows, then their ratios; values instead, if the paper's can be compared as they are."""
         sweep = self.sweep
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         table.add_column(sweep.axis, no_wrap=True)
-        for column in sweep.columns:
+        for column in columns:
             table.add_column(column, justify="right", no_wrap=True)
 
         def add(name: str, ours: Sequence[float | None], told: Callable[..., float | None], form: str) -> None:
             lines: list[tuple[str | Text, Sequence[float | None]]] = [(name, ours)]
             for device in self.devices:
-                theirs = [told(row, column, device, quantity) for column in sweep.columns]
+                theirs = [told(row, column, device, quantity) for column in columns]
                 if any(value is not None for value in theirs):
                     lines.append((Text(f"  {device}", style="dim"), theirs))
             if len(lines) > 1 or any(value is not None for value in ours):
@@ -266,10 +287,10 @@ class SweepRecord:
 
         values = self.paper_value if quantity.comparable else lambda *_: None
         for row in self.rows:
-            cells = [self.cell(row, column) for column in sweep.columns]
+            cells = [self.cell(row, column) for column in columns]
             ours = [None if cell is None else cell.value(quantity) for cell in cells]
             add(f"{row}, {quantity.unit}", ours, values, quantity.form)
         for row in (row for row in self.rows if row != sweep.base and not quantity.comparable):
-            ratios = [self.ratio(row, column, quantity) for column in sweep.columns]
+            ratios = [self.ratio(row, column, quantity) for column in columns]
             add(f"{row} / {sweep.base}", ratios, self.paper_ratio, "{:.2f}")
         return table

@@ -162,7 +162,7 @@ class Passes:
         """Bytes of the samples, of the hierarchy above them, and of the shadow buffer, as far as `band` fills them."""
         tiles = band.part.tiles
         return {
-            "samples_bytes": band.given.size + band.places.size,
+            "samples_bytes": sum(one.size for one in (band.given, band.places, band.numbers) if one is not None),
             "hierarchy_bytes": 32 * tiles.nodes + 4 * tiles.words,
             "shadow_buffer_bytes": 4 * tiles.words + self._dimmed_bytes(band),
         }

@@ -9,13 +9,14 @@ layout(std430, binding = 1) buffer Darkness { uint darkness[]; };
 uniform sampler2D map;
 uniform mat4 to_map;
 uniform vec4 nearer;  // what the constant bias adds to clip coordinates
+uniform float own;  // samples beyond are another map's
 uniform int count;
 
 void main() {
     int at = invocation();
     if (at >= count) return;
     vec4 clip = to_map * vec4(positions[3 * at], positions[3 * at + 1], positions[3 * at + 2], 1.0);
-    if (clip.w <= 0.0 || any(greaterThan(abs(clip.xy), vec2(clip.w)))) return;  // not of this map
+    if (clip.w <= 0.0 || any(greaterThan(abs(clip.xy), vec2(own * clip.w)))) return;  // not of this map
     uint dark = 0u;
     vec4 moved = clip + nearer;
     if (moved.w > 0.0) {

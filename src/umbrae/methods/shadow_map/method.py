@@ -63,7 +63,7 @@ class ShadowMap(Method):
         plane's depth is off by at most 1; 2 serves curved surfaces.
     filter
         Percentage-closer filtering (Reeves et al. 1987) over so many texels each way: the share of them that is lit. 1
-        is none; at most 16.
+        is none; at most 16. The faces of a cube overlap by as much, so that shadows are filtered across their borders.
     projection
         `auto` as above; `single` one map for a point light, up to 152 degrees; `cube` always six.
     """
@@ -146,7 +146,10 @@ class ShadowMapCaster(Caster):
         here = light.position.astype(np.float64)
         if not light.is_directional:
             here[:3] = (here[:3] - self.middle) * (2 / self.extent)
-        found = views(here, self.half, self.method.projection)
+        # Texels on each side of a cube's face for the filter alone; of very small faces no more than half.
+        face = max(1, self.method.size // 2)
+        margin = min(self.method.filter // 2 / face, 0.25)
+        found = views(here, self.half, self.method.projection, margin)
         if found is None:
             raise OptionError(
                 f"{self.method.name}: projection='single' cannot show the whole scene from this light; 'auto' takes a "
@@ -185,6 +188,7 @@ class ShadowMapCaster(Caster):
                 uniforms = {
                     "map": 0,
                     "to_map": _columns(view.to_map),
+                    "own": view.own,
                     "nearer": tuple(view.nearer(2 * self.method.bias).tolist()),
                 }
                 current.gl.glBindTextureUnit(0, target.depth)

@@ -21,12 +21,19 @@ _NEAREST = 2.0**-20
 _ROOM = 1e-4
 """How much wider than the scene a map is."""
 
+_SHARED = 1 + 2.0**-20
+"""Rounding must not leave a sample between two faces to neither: each takes this much of the other's."""
+
 
 class View(NamedTuple):
-    """A map: the matrix to its clip coordinates, and the unit vector along which it looks."""
+    """A map: the matrix to its clip coordinates, the unit vector along which it looks, and which part answers.
+
+    `own` is the largest |x / w|, |y / w| of samples that this map answers; beyond it a filter finds what it needs.
+    """
 
     to_map: Floats
     forward: Floats
+    own: float = 1.0
 
     def nearer(self, distance: float) -> Floats:
         """`(4,)` what moving a point towards the light by that distance adds to its clip coordinates."""
@@ -34,8 +41,11 @@ class View(NamedTuple):
         return step
 
 
-def views(light: Floats, half: Floats, projection: str) -> list[View] | None:
+def views(light: Floats, half: Floats, projection: str, margin: float = 0.0) -> list[View] | None:
     """The maps of a light `(4,)` over a box of casters around 0 with the half-widths `half`.
+
+    A cube's faces are wider than 90 degrees, so that a filter at their border looks at more of the same plane: `margin`
+    is the share of a face's width at each side that is such a border.
 
     None where a single map is wanted and cannot hold the box. Window and depth are formed in float64 from the light's
     own axes, so that a far light costs no digits.
@@ -60,7 +70,9 @@ def views(light: Floats, half: Floats, projection: str) -> list[View] | None:
     near = np.array([[0.0, 0.0, _NEAREST * reach]])
     seen = np.concatenate([square, near])
     directions = [sign * np.eye(3)[axis] for axis in range(3) for sign in (1.0, -1.0)]
-    return [_perspective(_axes(direction), source, seen, room=0.0) for direction in directions]
+    own = 1 - 2 * margin
+    faces = (_perspective(_axes(direction), source, seen, room=1 / own - 1) for direction in directions)
+    return [face._replace(own=own * _SHARED) for face in faces]
 
 
 def _axes(forward: Floats) -> Floats:
