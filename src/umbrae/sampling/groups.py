@@ -104,7 +104,7 @@ def _group(scene: Scene) -> Groups:
 
 
 def _bound(scene: Scene, order: NDArray[np.int32]) -> tuple[Groups, bool]:
-    """Box the groups; and say whether most are wider than their triangles laid in a row."""
+    """Box the groups; and say whether they are wider than strips of as many triangles."""
     count = -(-len(order) // SIZE)
     groups = Groups(order, np.empty((count, 3), np.float32), np.empty((count, 3), np.float32))
     extents = np.zeros((-(-count // _CHUNK), 2))
@@ -115,7 +115,7 @@ def _bound(scene: Scene, order: NDArray[np.int32]) -> tuple[Groups, bool]:
 
     run(task, len(extents))
     of_groups, of_triangles = extents.sum(axis=0)
-    return groups, bool(of_groups > of_triangles)
+    return groups, bool(2.0 * of_groups > of_triangles)
 
 
 @kernel
