@@ -251,7 +251,7 @@ def test_bad_questions_are_refused(monkeypatch):
     camera = Camera.look_at((0, 0, 4), (0, 0, 0), width=512, height=512)
     monkeypatch.setattr(umbrae.memory, "available_bytes", lambda: 10 << 20)
     assert len(sample_layers(scene, camera, 8)) == 2
-    sizes = iter([16 << 20, 16 << 20, 1 << 20])  # for the picture, the lists of triangles, another layer
+    sizes = iter([16 << 20, 1 << 20])  # for the picture, another layer
     monkeypatch.setattr(umbrae.memory, "available_bytes", lambda: next(sizes))
     monkeypatch.setenv("UMBRAE_THREADS", "1")
     with pytest.raises(CapacityError, match="layer 2 of a picture of 512 x 512 pixels with 2 samples each"):

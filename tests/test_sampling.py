@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import umbrae.memory
+from truth import in_picture
 from umbrae.camera import Camera
 from umbrae.errors import CapacityError, OptionError
 from umbrae.material import Material
 from umbrae.samples import ViewSamples, surface_positions
 from umbrae.sampling import sample
-from umbrae.sampling.bands import project
 from umbrae.sampling.coverage import determinant_sign
 from umbrae.scene import Scene
 
@@ -123,7 +123,7 @@ def test_a_closed_mesh_around_the_eye_covers_everything_from_inside() -> None:
 
 def exact_visible(scene: Scene, camera: Camera) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Nearest triangle per pixel by rational arithmetic, and where no edge passes through the very centre."""
-    corners = [[Fraction(float(x)) for x in vertex] for vertex in project(scene, camera).vertices]
+    corners = [[Fraction(float(x)) for x in vertex] for vertex in in_picture(scene, camera)]
     near = Fraction(camera.near)
     shape = (camera.height, camera.width)
     nearest, clear = np.full(shape, -1), np.ones(shape, bool)

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 import umbrae as um
 from soups import SOUPS
+from truth import in_picture
 from umbrae import Camera, GraphicsError, Material, OptionError, Scene, ViewSamples, models
 from umbrae.camera import pixel_offsets
 from umbrae.gl import context
 from umbrae.sampling import gl, sample, sample_gl
-from umbrae.sampling.bands import project
 
 pytestmark = pytest.mark.usefixtures("opengl")
 
@@ -41,7 +41,7 @@ def differences(scene: Scene, camera: Camera, one: ViewSamples, other: ViewSampl
     column, k = np.divmod(rest, per_pixel)
     offset_x, offset_y = pixel_offsets(per_pixel)
     x, y = column + offset_x[k], row + offset_y[k]
-    vertices = project(scene, camera).vertices
+    vertices = in_picture(scene, camera)
 
     def facts(samples: ViewSamples):
         t = samples.triangle.reshape(-1)[at]

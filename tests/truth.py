@@ -7,10 +7,12 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from umbrae.camera import Camera
 from umbrae.light import Light
 from umbrae.material import Material
 from umbrae.methods.oracle import Exact
 from umbrae.samples import ViewSamples
+from umbrae.sampling.bands import project
 from umbrae.scene import Scene
 
 
@@ -151,3 +153,9 @@ def random_samples(rng: np.random.Generator, scene: Scene, count: int) -> ViewSa
     uv[:, 1] = np.minimum(uv[:, 1], 1 - uv[:, 0])
     triangle = rng.integers(0, len(scene.triangles), count)
     return ViewSamples.on_surface(scene, triangle, uv, rng.integers(-1, 2, count))
+
+
+def in_picture(scene: Scene, camera: Camera) -> NDArray[np.float64]:
+    """Homogeneous pixel coordinates `(v, 3)` of all vertices, rounded as the sampler rounds them."""
+    m, p = project(scene, camera).matrix, scene.positions.astype(np.float64)
+    return np.stack([row[0] * p[:, 0] + row[1] * p[:, 1] + row[2] * p[:, 2] + row[3] for row in m], axis=1)

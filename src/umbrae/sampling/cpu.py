@@ -15,48 +15,55 @@ from umbrae.camera import Camera
 from umbrae.clock import Clock
 from umbrae.parallel import run
 from umbrae.samples import ViewSamples
-from umbrae.sampling.bands import Geometry, Picture, list_by_band, project
-from umbrae.sampling.drawing import Floor, draw
+from umbrae.sampling.bands import Geometry, Picture, project
+from umbrae.sampling.drawing import ALL, Floor, draw
+from umbrae.sampling.groups import View, groups_of, view, view_of_all
 from umbrae.sampling.holes import Surface, surface_of
 from umbrae.sampling.seen import Seen, picture_of, resolve, rows_per_band
 from umbrae.scene import Scene
 
 
 class Bands(NamedTuple):
-    """A picture cut into bands, and the triangles of each: band i has `listed[begin[i]:begin[i + 1]]`."""
+    """A picture cut into bands, and what of a scene may be seen in it."""
 
     picture: Picture
     geometry: Geometry
     surface: Surface
-    band_rows: int
-    begin: NDArray[np.int64]
-    listed: NDArray[np.int32]
+    view: View
 
     @classmethod
-    def of(cls, scene: Scene, camera: Camera, picture: Picture) -> "Bands":
-        """Project a scene and list its triangles."""
-        geometry, surface, band_rows = project(scene, camera), surface_of(scene), rows_per_band(picture)
-        return cls(picture, geometry, surface, band_rows, *list_by_band(geometry, picture, band_rows))
+    def of(cls, scene: Scene, camera: Camera, picture: Picture, culling: bool = True) -> "Bands":
+        """Look at a scene; `culling` leaves out what cannot be seen, and changes nothing."""
+        geometry, groups = project(scene, camera), groups_of(scene)
+        seen = view(groups, geometry, picture) if culling else view_of_all(groups, picture)
+        return cls(picture, geometry, surface_of(scene), seen)
 
     @property
     def tasks(self) -> int:
         """How many bands there are."""
-        return len(self.begin) - 1
+        return -(-self.picture.height // rows_per_band(self.picture))
 
     def rows(self, index: int) -> tuple[int, int]:
         """First row of a band, and the one after its last."""
-        return index * self.band_rows, min((index + 1) * self.band_rows, self.picture.height)
+        band_rows = rows_per_band(self.picture)
+        return index * band_rows, min((index + 1) * band_rows, self.picture.height)
 
     def draw(self, index: int, floor: Floor, part: Seen) -> NDArray[np.float64]:
         """Find what is seen behind a floor and write it to the band's `part`; returns the depths in float64."""
         top, bottom = self.rows(index)
         nearest = np.full(len(part.depth), np.inf)
         part.triangle[:], part.side[:] = -1, 0
-        ids = self.listed[self.begin[index] : self.begin[index + 1]]
-        draw(self.geometry, ids, self.picture, self.surface, top, bottom, floor, nearest, part.triangle, part.side)
-        resolve(self.geometry, self.picture, top, bottom, part.triangle, part.barycentric, part.position)
+        geometry, picture = self.geometry, self.picture
+        draw(geometry, self.view, ALL, picture, self.surface, top, bottom, floor, nearest, part.triangle, part.side)
+        resolve(geometry, picture, top, bottom, part.triangle, part.barycentric, part.position)
         part.depth[:] = nearest
         return nearest
+
+    def nearest(self, clock: Clock | None = None) -> Seen:
+        """What is seen of the whole picture."""
+        seen, floor = Seen.of(self.picture), Floor.before_all(self.picture)
+        run(lambda index: self.draw(index, floor, seen.rows(self.picture, *self.rows(index))), self.tasks, clock)
+        return seen
 
 
 def sample(scene: Scene, camera: Camera, samples_per_pixel: int = 1, clock: Clock | None = None) -> ViewSamples:
@@ -85,7 +92,4 @@ def sample(scene: Scene, camera: Camera, samples_per_pixel: int = 1, clock: Cloc
         When the result would not fit into memory.
     """
     picture = picture_of(scene, camera, samples_per_pixel)
-    bands = Bands.of(scene, camera, picture)
-    seen, floor = Seen.of(picture), Floor.before_all(picture)
-    run(lambda index: bands.draw(index, floor, seen.rows(picture, *bands.rows(index))), bands.tasks, clock)
-    return seen.samples(scene, camera)
+    return Bands.of(scene, camera, picture).nearest(clock).samples(scene, camera)

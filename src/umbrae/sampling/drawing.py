@@ -8,12 +8,17 @@ from numpy.typing import NDArray
 
 from umbrae.parallel import expand, inline, kernel
 from umbrae.sampling.bands import Geometry, Picture, corners, has_area
-from umbrae.sampling.coverage import FILTER, Vertex, barycentric, covers, orientation
+from umbrae.sampling.coverage import FILTER, Vertex, barycentric, cells, covers, extent, orientation
+from umbrae.sampling.groups import SIZE, View
 from umbrae.sampling.holes import EVERYWHERE, NOTHING, NOWHERE, Surface
 from umbrae.transmission import surface_at
 
 _WIDE = 8
 """A row's span is narrowed before its pixels are tested when the triangle's box is wider than this."""
+
+
+ALL = np.zeros(0, bool)
+"""For `draw`: every triangle is wanted."""
 
 
 class Floor(NamedTuple):
@@ -113,10 +118,47 @@ def _narrow(a: float, rest: float, bound: float, offset: float, first: int, last
     return first, last
 
 
+@expand
+def _beyond(a: Vertex, b: Vertex, c: Vertex, near: float, first: float, last: float) -> bool:
+    """Whether a triangle lies behind the near plane, and above row `first` or below row `last`."""
+    if min(a[2], b[2], c[2]) < near:
+        return False
+    above = a[1] < first * a[2] and b[1] < first * b[2] and c[1] < first * c[2]
+    return above or (a[1] > last * a[2] and b[1] > last * b[2] and c[1] > last * c[2])
+
+
+@expand
+def _next_group(
+    rows: NDArray[np.int32],
+    columns: NDArray[np.int32],
+    least: NDArray[np.float64],
+    group: int,
+    first_row: int,
+    last_row: int,
+    first_column: int,
+    last_column: int,
+    nearest: NDArray[np.float64],
+    top: int,
+    width: int,
+    per_pixel: int,
+) -> int:
+    """The first group from `group` on that may show in a part of the picture; how many there are, if none does."""
+    while group < len(rows):
+        left, right = max(columns[group, 0], first_column), min(columns[group, 1], last_column)
+        for row in range(max(rows[group, 0], first_row), min(rows[group, 1], last_row) + 1):
+            begin = (row - top) * width
+            for at in range((begin + left) * per_pixel, (begin + right + 1) * per_pixel):
+                if not nearest[at] < least[group]:
+                    return group
+        group += 1
+    return group
+
+
 @kernel
 def draw(
     geometry: Geometry,
-    ids: NDArray[np.int32],
+    view: View,
+    wanted: NDArray[np.bool_],
     picture: Picture,
     surface: Surface,
     top: int,
@@ -126,21 +168,50 @@ def draw(
     triangle: NDArray[np.int32],
     side: NDArray[np.int8],
 ) -> None:
-    """Draw triangles, in order of their index, into the depth buffer of rows `top` to `bottom` (excluded).
+    """Draw triangles into the depth buffer of rows `top` to `bottom` (excluded).
 
-    Where one ties with what is there, the lower index wins.
+    Of a view's groups those are left out whose box lies behind all that is there already. The picture is the same in
+    any order: where a triangle ties with what is there, the lower index wins. `wanted (t,)` has no entries where all
+    triangles are.
     """
     width, height, per_pixel = picture.width, picture.height, len(picture.x)
     holes, table = surface
     material_id, _, _, base, _, cutoff, mode, uv, colors, texels, offset, size = table[1:]
-    triangles = geometry.triangles
+    triangles, order = geometry.triangles, view.order
     floor_depth, floor_triangle, box = floor
     peeling = len(floor_depth) > 0
-    top_row, bottom_row = max(top, box[0]), min(bottom - 1, box[1])
-    for t in ids:
-        if holes[t] == EVERYWHERE:
+    left_most, right_most, top_most, bottom_most = picture.x.min(), picture.x.max(), picture.y.min(), picture.y.max()
+    first_row, last_row = max(top, box[0]), min(bottom - 1, box[1])
+    group, at_triangle, stop = 0, 0, 0
+    while True:
+        if at_triangle == stop:
+            group = _next_group(
+                view.rows, view.columns, view.least, group, first_row, last_row, box[2], box[3],
+                nearest, top, width, per_pixel,
+            )  # fmt: skip
+            if group == len(view.chosen):
+                return
+            at_triangle = view.chosen[group] * SIZE
+            stop = min(at_triangle + SIZE, len(order))
+            view.drawn[group] = True
+            group += 1
+        t = order[at_triangle]
+        at_triangle += 1
+        if holes[t] == EVERYWHERE or (len(wanted) > 0 and not wanted[t]):
             continue
         a, b, c = corners(geometry, t)
+        if _beyond(a, b, c, picture.near, first_row - 0.01, last_row + 1.01):
+            continue
+        low, high = extent(a, b, c, picture.near, 1)
+        upper, lower = cells(low, high, top_most, bottom_most, height)
+        upper, lower = max(upper, first_row), min(lower, last_row)
+        if upper > lower:
+            continue
+        low, high = extent(a, b, c, picture.near, 0)
+        left, right = cells(low, high, left_most, right_most, width)
+        left, right = max(left, box[2]), min(right, box[3])
+        if left > right or not has_area(geometry.positions, triangles, t):
+            continue
         p, q, r, s, seen_side, f0, f1, f2 = drawn(a, b, c)
         if s == 0:
             continue
@@ -149,13 +220,12 @@ def draw(
         most_w = max(abs(p[2]), abs(q[2]), abs(r[2]))
         bound = FILTER * 2.0 * (most_w * (most_y * width + most_x * height) + most_x * most_y)
         has_holes = holes[t] != NOWHERE
-        first_column, last_column = max(geometry.boxes[t, 2], box[2]), min(geometry.boxes[t, 3], box[3])
-        wide = last_column - first_column >= _WIDE
-        for row in range(max(top_row, geometry.boxes[t, 0]), min(bottom_row, geometry.boxes[t, 1]) + 1):
+        wide = right - left >= _WIDE
+        for row in range(upper, lower + 1):
             for k in range(per_pixel):
                 y = row + picture.y[k]
                 rest0, rest1, rest2 = f0[1] * y + f0[2], f1[1] * y + f1[2], f2[1] * y + f2[2]
-                first, last = first_column, last_column
+                first, last = left, right
                 if wide:
                     first, last = _narrow(f0[0], rest0, bound, picture.x[k], first, last)
                     first, last = _narrow(f1[0], rest1, bound, picture.x[k], first, last)

@@ -28,8 +28,9 @@ from umbrae.gl.targets import id_target
 from umbrae.parallel import kernel, run
 from umbrae.projection import camera_uniforms, unit_scale
 from umbrae.samples import ViewSamples
-from umbrae.sampling.bands import Picture, list_by_band, project
+from umbrae.sampling.bands import Picture, project
 from umbrae.sampling.drawing import Floor, draw, place
+from umbrae.sampling.groups import View, groups_of, view
 from umbrae.sampling.holes import NOWHERE, surface_of
 from umbrae.sampling.seen import Seen, picture_of, resolve, rows_per_band
 from umbrae.scene import Scene
@@ -81,19 +82,18 @@ def sample_gl(scene: Scene, camera: Camera, samples_per_pixel: int = 1, clock: C
         with current.current(), stage(current, clock, "rasterize"):
             _rasterize(current, scene, camera, picture, proposed, seen.triangle)
         with clock.span("resolve"):
-            begin, listed = list_by_band(geometry, picture, band_rows, exact)
+            shown = view(groups_of(scene), geometry, picture, exact)
 
-            def band(index: int, begin: NDArray[np.int64] = begin, listed: NDArray[np.int32] = listed) -> None:
+            def band(index: int, shown: View = shown, exact: NDArray[np.bool_] = exact) -> None:
                 top, bottom = index * band_rows, min((index + 1) * band_rows, picture.height)
                 part = seen.rows(picture, top, bottom)
                 nearest = np.empty(len(part.depth))
                 place(geometry, picture, top, bottom, _TOLERANCE, nearest, part.triangle, part.side, refused)
-                ids = listed[begin[index] : begin[index + 1]]
-                draw(geometry, ids, picture, surface, top, bottom, floor, nearest, part.triangle, part.side)
+                draw(geometry, shown, exact, picture, surface, top, bottom, floor, nearest, part.triangle, part.side)
                 resolve(geometry, picture, top, bottom, part.triangle, part.barycentric, part.position)
                 part.depth[:] = nearest
 
-            run(band, len(begin) - 1, clock)
+            run(band, -(-picture.height // band_rows), clock)
         if not refused.any():
             return seen.samples(scene, camera)
         proposed &= ~refused

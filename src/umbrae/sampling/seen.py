@@ -30,7 +30,7 @@ def picture_of(scene: Scene, camera: Camera, samples_per_pixel: int) -> Picture:
         raise OptionError(f"samples_per_pixel: wanted a whole number from 1, got {samples_per_pixel!r}")
     per_pixel, width, height = int(samples_per_pixel), camera.width, camera.height
     require(
-        width * height * per_pixel * BYTES_PER_SAMPLE + len(scene.positions) * 24 + len(scene.triangles) * 16,
+        width * height * per_pixel * BYTES_PER_SAMPLE + len(scene.triangles) * 8,
         f"a picture of {width} x {height} pixels with {per_pixel} samples each",
     )
     return Picture(width, height, camera.near, *pixel_offsets(per_pixel))
@@ -114,14 +114,17 @@ def resolve(
 ) -> None:
     """Turn the triangles that won in a band into points on them; zeros for background."""
     positions, triangles = geometry.positions, geometry.triangles
-    at = 0
+    at, last = 0, -1
+    a = b = c = (0.0, 0.0, 0.0)
     for row in range(top, bottom):
         for column in range(picture.width):
             for k in range(len(picture.x)):
                 u, v = 0.0, 0.0
                 t = triangle[at]
                 if t >= 0:
-                    a, b, c = corners(geometry, t)
+                    if t != last:
+                        a, b, c = corners(geometry, t)
+                        last = t
                     u, v = barycentric_at(a, b, c, column + picture.x[k], row + picture.y[k])
                     put_point(positions, triangles, t, u, v, position, at)
                 else:
