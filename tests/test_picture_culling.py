@@ -9,18 +9,29 @@ from umbrae import models
 from umbrae.camera import Camera
 from umbrae.material import Material
 from umbrae.samples import ViewSamples
-from umbrae.sampling import groups, sample_layers
+from umbrae.sampling import sample_layers
+from umbrae.sampling.bands import Picture
 from umbrae.sampling.cpu import Bands
-from umbrae.sampling.groups import SIZE, groups_of
+from umbrae.sampling.groups import SIZE, Groups, View, groups_of
 from umbrae.sampling.seen import picture_of
 from umbrae.scene import Scene
 
 ARRAYS = ("triangle", "barycentric", "side", "position", "covered", "depth")
 
 
+def view_of_all(groups: Groups, picture: Picture) -> View:
+    """All groups as they come, anywhere in the picture."""
+    count = len(groups.lower)
+    rows, columns = (np.tile(np.array([0, side - 1], np.int32), (count, 1)) for side in (picture.height, picture.width))
+    return View(groups.order, np.arange(count, dtype=np.int32), rows, columns, np.zeros(count), np.zeros(count, bool))
+
+
 def seen(scene: Scene, camera: Camera, culling: bool, per_pixel: int = 1) -> tuple[ViewSamples, int]:
     """The picture, and how many triangles were drawn."""
-    bands = Bands.of(scene, camera, picture_of(scene, camera, per_pixel), culling)
+    picture = picture_of(scene, camera, per_pixel)
+    bands = Bands.of(scene, camera, picture)
+    if not culling:
+        bands = bands._replace(view=view_of_all(groups_of(scene), picture))
     return bands.nearest().samples(scene, camera), bands.view.triangles
 
 
@@ -102,7 +113,7 @@ def test_layers_and_holes() -> None:
     assert_same(scene, camera, 4)
     culled = sample_layers(scene, camera)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("umbrae.sampling.cpu.view", lambda found, _, picture: groups.view_of_all(found, picture))
+        patch.setattr("umbrae.sampling.cpu.view", lambda found, _, picture: view_of_all(found, picture))
         plain = sample_layers(scene, camera)
     assert len(culled) == len(plain) > 1
     for one, other in zip(culled, plain, strict=True):

@@ -5,6 +5,7 @@ import datetime
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,27 +23,32 @@ from umbrae.errors import GraphicsError
 from umbrae.files import save_text
 from umbrae.mask import ShadowMask
 from umbrae.methods import Caster, make_method
+from umbrae.samples import ViewSamples
 from umbrae.sampling import sample
+from umbrae.sampling.cpu import Bands
+from umbrae.sampling.seen import picture_of
 from umbrae.scene import Scene
 
 SIZE = (1024, 768)
 WARM_UPS = 2
+PICTURE = "picture"
+"""In place of a method: the samples themselves, which are what is seen of the scene."""
 
 
 @dataclass(frozen=True)
 class CityRun:
-    """One method along one path.
+    """One method along one path, or `PICTURE`.
 
     Attributes
     ----------
     seconds, plain_seconds
-        Of each frame's shadows, with culling and without.
+        Of each frame's shadows (or samples), with culling and without.
     culled
         `(frames,)` triangles left out.
     queries
-        `(frames,)` occlusion queries.
+        `(frames,)` occlusion queries; boxes in view, for the picture.
     differ
-        Samples at which the masks with and without culling differ, all frames together; 0, or something is wrong.
+        Samples that differ with and without culling, all frames together; 0, or something is wrong.
     """
 
     path: str
@@ -145,6 +151,9 @@ def run_city(
         "away": lambda progress: _away(models.town_flight(lots, progress, *SIZE)),
     }
     runs = []
+    for path, view in paths.items():
+        with clock.span(f"{path}, {PICTURE}"):
+            runs.append(_picture(path, view, scene, frames, clock))
     for method in methods:
         for path, view in paths.items():
             with clock.span(f"{path}, {method}"):
@@ -182,6 +191,30 @@ def _run(path: str, method: str, view: Callable[[float], Camera], scene: Scene, 
     except GraphicsError as error:
         return CityRun(path, method, not_run=str(error))
     return CityRun(path, method, tuple(seconds[True]), tuple(seconds[False]), tuple(culled), tuple(queries), differ)
+
+
+def _picture(path: str, view: Callable[[float], Camera], scene: Scene, frames: int, clock: Clock) -> CityRun:
+    seconds: dict[bool, list[float]] = {True: [], False: []}
+    culled, boxes, differ = [], [], 0
+    for frame in range(-WARM_UPS, frames):
+        camera = view(max(0, frame) / max(1, frames - 1))
+        seen: dict[bool, ViewSamples] = {}
+        for culling in (True, False) if frame % 2 else (False, True):
+            taken, (bands, seen[culling]) = stopwatch(partial(_look, scene, camera, culling))
+            if frame >= 0:
+                seconds[culling].append(round(taken, 7))
+            if frame >= 0 and culling:
+                culled.append(len(scene.triangles) - bands.view.triangles)
+                boxes.append(len(bands.view.chosen))
+        same = (seen[True].triangle == seen[False].triangle) & (seen[True].depth == seen[False].depth)
+        differ += int(same.size - same.sum())
+        clock.advance(frame + WARM_UPS + 1, WARM_UPS + frames)
+    return CityRun(path, PICTURE, tuple(seconds[True]), tuple(seconds[False]), tuple(culled), tuple(boxes), differ)
+
+
+def _look(scene: Scene, camera: Camera, culling: bool) -> tuple[Bands, ViewSamples]:
+    bands = Bands.of(scene, camera, picture_of(scene, camera, 1), culling)
+    return bands, bands.nearest().samples(scene, camera)
 
 
 def _timed(caster: Caster, *what: Any) -> tuple[float, ShadowMask]:

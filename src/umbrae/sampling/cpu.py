@@ -17,7 +17,7 @@ from umbrae.parallel import run
 from umbrae.samples import ViewSamples
 from umbrae.sampling.bands import Geometry, Picture, project
 from umbrae.sampling.drawing import ALL, Floor, draw
-from umbrae.sampling.groups import View, groups_of, view, view_of_all
+from umbrae.sampling.groups import View, groups_of, view
 from umbrae.sampling.holes import Surface, surface_of
 from umbrae.sampling.seen import Seen, picture_of, resolve, rows_per_band
 from umbrae.scene import Scene
@@ -33,10 +33,10 @@ class Bands(NamedTuple):
 
     @classmethod
     def of(cls, scene: Scene, camera: Camera, picture: Picture, culling: bool = True) -> "Bands":
-        """Look at a scene; `culling` leaves out what cannot be seen, and changes nothing."""
-        geometry, groups = project(scene, camera), groups_of(scene)
-        seen = view(groups, geometry, picture) if culling else view_of_all(groups, picture)
-        return cls(picture, geometry, surface_of(scene), seen)
+        """Look at a scene; `culling` leaves out what is hidden, and changes nothing."""
+        geometry = project(scene, camera)
+        seen = view(groups_of(scene), geometry, picture)
+        return cls(picture, geometry, surface_of(scene), seen if culling else seen.nothing_hidden())
 
     @property
     def tasks(self) -> int:

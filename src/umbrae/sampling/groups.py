@@ -79,6 +79,10 @@ class View(NamedTuple):
         whole: NDArray[np.int32] = self.chosen[self.drawn]
         return SIZE * len(whole) - int((whole == last).any()) * (SIZE - len(self.order) % SIZE)
 
+    def nothing_hidden(self) -> "View":
+        """The same groups, all of which are to be drawn: for what comes of it to be measured."""
+        return self._replace(least=np.zeros(len(self.least)))
+
 
 _KEPT: WeakKeyDictionary[Scene, Groups] = WeakKeyDictionary()
 
@@ -160,13 +164,6 @@ def view(groups: Groups, geometry: Geometry, picture: Picture, wanted: NDArray[n
     inside = np.flatnonzero(rows[:, 0] <= rows[:, 1])
     chosen = inside[np.argsort(least[inside], kind="stable")].astype(np.int32)
     return View(groups.order, chosen, rows[chosen], columns[chosen], least[chosen], np.zeros(len(chosen), bool))
-
-
-def view_of_all(groups: Groups, picture: Picture) -> View:
-    """All groups as they come, to measure what `view` is worth: the picture is the same."""
-    count = len(groups.lower)
-    rows, columns = (np.tile(np.array([0, side - 1], np.int32), (count, 1)) for side in (picture.height, picture.width))
-    return View(groups.order, np.arange(count, dtype=np.int32), rows, columns, np.zeros(count), np.zeros(count, bool))
 
 
 @kernel
