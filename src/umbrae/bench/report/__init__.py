@@ -1,0 +1,1 @@
+"""Results of `umbrae bench` on one page."""
