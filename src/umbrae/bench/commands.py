@@ -10,7 +10,7 @@ from rich.console import Console
 
 from umbrae import arguments, files, models
 from umbrae.arguments import Size
-from umbrae.bench import sintorn_commands, table
+from umbrae.bench import milet_commands, sintorn_commands, table
 from umbrae.bench.bars import bars
 from umbrae.bench.benchmark import Benchmark
 from umbrae.bench.case import LIGHTS
@@ -36,6 +36,7 @@ from umbrae.warmup import compile_kernels
 app = typer.Typer(rich_markup_mode=None)
 """The commands below `umbrae bench`."""
 app.add_typer(sintorn_commands.app)
+app.add_typer(milet_commands.app)
 
 CHECK_SCENE, CHECK_SIZE, CHECK_RUNS, CHECK_SAMPLES = "spheres-96k", (1920, 1080), 5, 5_000
 """What `umbrae bench check` measures."""

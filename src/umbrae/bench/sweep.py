@@ -233,7 +233,13 @@ class SweepRecord:
         size = f", {sweep.size[0]}x{sweep.size[1]}" if sweep.size else ""
         console.print(f"{sweep.title} ({sweep.source}){size}", markup=False)
         for quantity in sweep.quantities:
-            console.print(self._table(quantity))
+            columns = list(sweep.columns)
+            while columns:
+                count = len(columns)
+                while count > 1 and self._width(console, quantity, columns[:count]) > console.width:
+                    count -= 1
+                console.print(self._table(quantity, columns[:count]))
+                columns = columns[count:]
         if sweep.note:
             console.print(sweep.note, markup=False)
         for text in dict.fromkeys(f"  {one.row} not run: {one.not_run}" for one in self.cells if one.not_run):
@@ -246,18 +252,27 @@ class SweepRecord:
                     markup=False,
                 )
 
-    def _table(self, quantity: Quantity) -> Table:
-        """A quantity of all rows, then their ratios; values instead, if the paper's can be compared as they are."""
+    def _width(self, console: Console, quantity: Quantity, columns: Sequence[str]) -> int:
+        """Characters that a table of these columns would take."""
+        table = self._table(quantity, columns)
+        # Within its own options a console takes nothing for wider than itself.
+        return console.measure(table, options=console.options.update(width=100_000)).maximum
+
+    def _table(self, quantity: Quantity, columns: Sequence[str]) -> Table:
+        """A quantity of all rows, then their ratios; values instead, if the paper's can be compared as they are.
+
+        Of some of the columns: as many as fit side by side.
+        """
         sweep = self.sweep
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         table.add_column(sweep.axis, no_wrap=True)
-        for column in sweep.columns:
+        for column in columns:
             table.add_column(column, justify="right", no_wrap=True)
 
         def add(name: str, ours: Sequence[float | None], told: Callable[..., float | None], form: str) -> None:
             lines: list[tuple[str | Text, Sequence[float | None]]] = [(name, ours)]
             for device in self.devices:
-                theirs = [told(row, column, device, quantity) for column in sweep.columns]
+                theirs = [told(row, column, device, quantity) for column in columns]
                 if any(value is not None for value in theirs):
                     lines.append((Text(f"  {device}", style="dim"), theirs))
             if len(lines) > 1 or any(value is not None for value in ours):
@@ -266,10 +281,10 @@ class SweepRecord:
 
         values = self.paper_value if quantity.comparable else lambda *_: None
         for row in self.rows:
-            cells = [self.cell(row, column) for column in sweep.columns]
+            cells = [self.cell(row, column) for column in columns]
             ours = [None if cell is None else cell.value(quantity) for cell in cells]
             add(f"{row}, {quantity.unit}", ours, values, quantity.form)
         for row in (row for row in self.rows if row != sweep.base and not quantity.comparable):
-            ratios = [self.ratio(row, column, quantity) for column in sweep.columns]
+            ratios = [self.ratio(row, column, quantity) for column in columns]
             add(f"{row} / {sweep.base}", ratios, self.paper_ratio, "{:.2f}")
         return table
