@@ -242,8 +242,9 @@ class SweepRecord:
                 columns = columns[count:]
         if sweep.note:
             console.print(sweep.note, markup=False)
-        for text in dict.fromkeys(f"  {one.row} not run: {one.not_run}" for one in self.cells if one.not_run):
-            console.print(text, markup=False)
+        for reason in dict.fromkeys(one.not_run for one in self.cells if one.not_run):
+            rows = dict.fromkeys(one.row for one in self.cells if one.not_run == reason)
+            console.print(f"  {'; '.join(rows)} not run: {reason}", markup=False)
         for one in self.cells:
             if one.broken:
                 console.print(
