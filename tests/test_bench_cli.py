@@ -24,6 +24,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(commands, "exact_methods", lambda: [Right()])
     monkeypatch.setattr(commands, "MitsubaRunner", lambda: AllLit("mitsuba", Guarantee.NONE))
     monkeypatch.setattr(commands, "EmbreexRunner", lambda: Right("embreex", missing="embreex is not installed"))
+    monkeypatch.setattr(commands, "WarpRunner", lambda: Right("warp", missing="warp finds no device cuda:0"))
     return tmp_path
 
 
@@ -47,7 +48,7 @@ def test_json_is_all_there_is_on_stdout(capsys):
     out, err = capsys.readouterr()
     document = json.loads(out)
     assert err == "" and document["schema"] == 1 and document["configuration"]["runs"] == 1
-    assert [runner["name"] for runner in document["cases"][0]["runners"]] == ["right", "mitsuba", "embreex"]
+    assert [runner["name"] for runner in document["cases"][0]["runners"]] == ["right", "mitsuba", "embreex", "warp"]
 
 
 def test_a_broken_guarantee_is_exit_status_1(capsys, monkeypatch):

@@ -1,15 +1,23 @@
-"""The comparators themselves; only where the extra `bench` is installed."""
+"""The comparators themselves; only where the extras `bench` and `cuda` are installed."""
 
 import importlib.util
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import umbrae as um
-from umbrae.bench import embree
+from umbrae.bench import embree, warp_rays
 from umbrae.bench.embree import EmbreexRunner, MitsubaRunner
+from umbrae.bench.warp_rays import WarpRunner
 
-RUNNERS = [MitsubaRunner, EmbreexRunner]
+
+def warp_on_the_cpu():
+    """Warp's own CPU device traces the same rays by the same kernel."""
+    return WarpRunner("cpu")
+
+
+RUNNERS = [MitsubaRunner, EmbreexRunner, warp_on_the_cpu]
 
 
 def ready(kind):
@@ -67,6 +75,15 @@ def test_no_samples_are_no_rays(kind):
 def test_what_is_not_installed_says_how_to_install_it(monkeypatch, kind, name):
     monkeypatch.setattr(embree, "find_spec", lambda wanted: None)
     assert kind().unavailable() == f"{name} is not installed: pip install 'umbrae[bench]'"
+
+
+def test_warp_wants_to_be_installed_and_a_gpu(monkeypatch):
+    monkeypatch.setattr(warp_rays, "find_spec", lambda wanted: None)
+    assert WarpRunner().unavailable() == "warp is not installed: pip install 'umbrae[cuda]'"
+    monkeypatch.setattr(warp_rays, "find_spec", lambda wanted: importlib.util.find_spec("numpy"))
+    monkeypatch.setattr(warp_rays, "_warp", lambda: (SimpleNamespace(get_devices=lambda: ["cpu"]), None))
+    assert WarpRunner("cpu").unavailable() is None
+    assert "warp finds no device cuda:0: it needs an NVIDIA GPU" in WarpRunner().unavailable()
 
 
 def test_a_missing_llvm_says_what_to_install(monkeypatch):

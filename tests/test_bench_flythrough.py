@@ -41,6 +41,15 @@ def test_even_motion_stays_even_whatever_the_times(tmp_path):
         assert path.at(time)[:3] == pytest.approx((2 * time, 0, -time))
 
 
+def test_places_are_flown_between_in_even_times():
+    path = FlyThrough.between("three", 16, [((0, 0, 0), (0, 0, -2)), ((4, 0, 0), (4, 1, 0)), ((8, 2, 0), (9, 2, 0))])
+    assert path.time.tolist() == [0, 8, 16] and path.at(8).tolist() == [4, 0, 0, 0, 1, 0, 0, 1, 0]
+    first, middle, last = path.cameras(3, 8, 6, near=0.5)
+    assert (first.eye[0], middle.eye[0], last.eye[0], last.width, last.near) == (0, 4, 8, 8, 0.5)
+    (only,) = path.cameras(1, 8, 6, near=0.5)
+    assert (only.eye == middle.eye).all()
+
+
 def test_two_keys_make_a_straight_line(tmp_path):
     path = flight(tmp_path, HEADER, ROWS[0], ROWS[1])
     assert path.at(0.25)[:2] == pytest.approx((0.25, 1.0))

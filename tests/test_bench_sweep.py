@@ -7,6 +7,7 @@ from rich.console import Console
 
 import umbrae as um
 from umbrae import models
+from umbrae.bench import sweep_run
 from umbrae.bench.case import View
 from umbrae.bench.sweep import TIME, Cell, PaperRow, Quantity, Sweep, SweepRecord
 from umbrae.bench.sweep_run import Column, run_sweep
@@ -149,6 +150,31 @@ def test_rows_may_give_the_scene_other_materials_and_take_back_a_promise():
     assert (solid.guarantee, solid.wrong, exact.guarantee, exact.wrong) == ("exact", 0, "exact", 0)
     assert exact.counters["shadow_buffer_bytes"] > solid.counters["shadow_buffer_bytes"]
     assert chance.guarantee == "none" and chance.wrong > 0 and not chance.broken
+
+
+def test_a_picture_takes_its_samples_and_shading_too(monkeypatch):
+    monkeypatch.setattr(sweep_run, "stopwatch", lambda work: (1.0, work()))
+    columns = [Column(str(whole), spheres, views, {"fast": make_method("frustum")}, picture=whole) for whole in (0, 1)]
+    assert [cell.seconds for cell in run_sweep(SWEEP, columns, 50, Clock()).cells] == [(1.0,) * 3, (3.0,) * 3]
+
+
+@pytest.mark.usefixtures("opengl")
+def test_what_opengl_had_of_the_time_is_counted():
+    rows = {"cpu": make_method("frustum"), "gl": make_method("silhouette-gs")}
+    cpu, gl = run_sweep(SWEEP, [Column("few", spheres, views, rows)], 50, Clock()).cells
+    assert "opengl_ns" not in cpu.counters
+    assert 0 < gl.counters["opengl_ns"] < 1e9 * max(gl.seconds)
+
+
+def test_columns_that_do_not_fit_side_by_side_go_on_below():
+    names = tuple(f"column {number}" for number in range(12))
+    cells = [Cell(row, name, "exact", (1.0 + n,)) for row in ("fast", "slow") for n, name in enumerate(names)]
+    lines = printed(SweepRecord.of(dataclasses.replace(SWEEP, columns=names), cells), 60).splitlines()
+    assert max(map(len, lines)) <= 60
+    assert [word for line in lines if line.startswith("fast, ms") for word in line.split()[2:]] == [
+        f"{1000 + 1000 * n}.0" for n in range(12)
+    ]
+    assert sum(line.startswith("triangles") for line in lines) > 1 and not any("…" in line for line in lines)
 
 
 @pytest.mark.usefixtures("opengl")

@@ -83,7 +83,7 @@ def test_imports_point_down(path):
 
 def test_importing_the_package_brings_no_optional_part():
     # Not embreex: trimesh imports it by itself where it is installed.
-    optional = ("OpenGL", "moderngl", "mitsuba", "pvlib", "pandas", "cmap", "typer", "rich", "imageio", "av")
+    optional = ("OpenGL", "moderngl", "mitsuba", "pvlib", "pandas", "cmap", "typer", "rich", "imageio", "av", "warp")
     code = f"import sys, umbrae; print([name for name in {optional} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

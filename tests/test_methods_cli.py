@@ -201,6 +201,39 @@ def test_opengl_on_the_command_line(capsys, opengl):
     assert sum(judged["classes"].values()) == judged["mismatches"]
 
 
+MAP = {"size": 64, "bias": 0.001, "slope_bias": 1.5, "filter": 3, "projection": "single"}
+
+
+def test_options_of_the_shadow_map(capsys, opengl):
+    flags = " ".join(f"--map-{name.replace('_', '-')} {value}" for name, value in MAP.items())
+    view = "roof.glb --size 64x36 --light 0,9,0 --json"
+    assert umbrae(f"render {view} --method shadow-map {flags} --npz a.npz") == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert MAP.items() <= facts["options"].items() and facts["lights"][0]["stats"]["texels_per_side"] == 64
+    assert umbrae(f"verify {view} --method shadow-map --map-size 2 --count 500") == 0
+    (coarse,) = json.loads(capsys.readouterr().out)["lights"]
+    assert umbrae(f"verify {view} --method shadow-map --count 500") == 0
+    (fine,) = json.loads(capsys.readouterr().out)["lights"]
+    assert coarse["mismatches"] > fine["mismatches"]
+    assert umbrae(f"{ALL} --map-size 32 --json") == 0
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        ("--map-slope-bias 1", "--map-slope-bias is that of --method shadow-map, not frustum"),
+        ("--method silhouette-gs --map-size 64", "--map-size is that of --method shadow-map, not silhouette-gs"),
+        ("--method shadow-map --map-filter 99", "shadow-map: filter: wanted 1 to 16 texels, got 99"),
+        ("--method shadow-map --map-projection flat", "shadow-map: projection: wanted one of auto, single, cube"),
+        ("--method shadow-map --map-bias -1", "shadow-map: bias: wanted a number of at least 0, got -1"),
+    ],
+)
+def test_options_of_the_shadow_map_are_refused_in_a_line(capsys, texts, message):
+    for command in ("render", "verify"):
+        assert umbrae(f"{command} roof.glb -q {texts}") == 2
+        assert line(capsys.readouterr().err).startswith(f"umbrae: error: {message}")
+
+
 def test_the_table_of_methods_fits_into_100_columns(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")
     assert cli.run(["methods"]) == 0

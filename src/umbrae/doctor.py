@@ -26,6 +26,7 @@ EXTRAS = {
     "gl": ("moderngl", "PyOpenGL"),
     "sun": ("pvlib", "pandas", "cmap"),
     "bench": ("mitsuba", "embreex"),
+    "cuda": ("warp-lang",),
     "video": ("imageio", "av"),
 }
 """Optional packages by the extra that brings them, as in pyproject.toml."""

@@ -7,6 +7,7 @@ import typer
 
 from umbrae import arguments
 from umbrae.arguments import Size, Sun, Vector
+from umbrae.errors import OptionError
 
 Model = Annotated[Path, typer.Argument(help="glTF, GLB, OBJ, PLY or STL file.", metavar="MODEL")]
 Output = Annotated[Path, typer.Option("-o", "--output", help="File to write.", metavar="FILE")]
@@ -73,6 +74,24 @@ Culling = Annotated[
         "--culling/--no-culling", help="Leave out casters whose shadows cannot be seen; it changes no verdict."
     ),
 ]
+MapSize = Annotated[
+    int | None, typer.Option("--map-size", metavar="TEXELS", help="Of a shadow map along each side; 8192.")
+]
+MapBias = Annotated[
+    float | None,
+    typer.Option("--map-bias", metavar="SHARE", help="Of the scene's extent, against self-shadows; 0.0001."),
+]
+MapSlopeBias = Annotated[
+    float | None, typer.Option("--map-slope-bias", metavar="TEXELS", help="Of a caster's slope, for the same; 2.")
+]
+MapFilter = Annotated[
+    int | None,
+    typer.Option("--map-filter", metavar="TEXELS", help="Each way, of percentage-closer filtering; 1, which is none."),
+]
+MapProjection = Annotated[
+    str | None,
+    typer.Option("--map-projection", metavar="auto|single|cube", help="Of the shadow map of a point light."),
+]
 Silhouette = Annotated[
     str | None,
     typer.Option(
@@ -110,6 +129,17 @@ DEFAULT_UP: Any = "y"
 DEFAULT_GRID: Any = "10x10"
 DEFAULT_LOTS: Any = "20x20"
 DEFAULT_STEP: Any = "10min"
+
+
+def of_shadow_map(method: str, **options: str | float | None) -> dict[str, Any]:
+    """The options of `shadow-map` that the command line names, where `method` is that or all.
+
+    Raises `OptionError` for others, by the names that the options have on the command line.
+    """
+    named = given(**options)
+    if named and method not in ("shadow-map", "all"):
+        raise OptionError(f"--map-{next(iter(named)).replace('_', '-')} is that of --method shadow-map, not {method}")
+    return named
 
 
 def given(**options: str | float | bool | None) -> dict[str, Any]:

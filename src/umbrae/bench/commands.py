@@ -10,7 +10,7 @@ from rich.console import Console
 
 from umbrae import arguments, files, models
 from umbrae.arguments import Size
-from umbrae.bench import report_commands, sintorn_commands, table
+from umbrae.bench import milet_commands, report_commands, sintorn_commands, table
 from umbrae.bench.bars import bars
 from umbrae.bench.benchmark import Benchmark
 from umbrae.bench.case import LIGHTS
@@ -25,6 +25,7 @@ from umbrae.bench.stich_city import run_city
 from umbrae.bench.sun import pick_sensors, run_sun
 from umbrae.bench.sun_record import SunRecord
 from umbrae.bench.tregenza import PATCHES, patches
+from umbrae.bench.warp_rays import WarpRunner
 from umbrae.camera import MAX_SIDE_PX
 from umbrae.clock import Clock
 from umbrae.console import ConsoleClock, note
@@ -36,6 +37,7 @@ from umbrae.warmup import compile_kernels
 app = typer.Typer(rich_markup_mode=None)
 """The commands below `umbrae bench`."""
 app.add_typer(sintorn_commands.app)
+app.add_typer(milet_commands.app)
 app.add_typer(report_commands.app)
 
 CHECK_SCENE, CHECK_SIZE, CHECK_RUNS, CHECK_SAMPLES = "spheres-96k", (1920, 1080), 5, 5_000
@@ -78,7 +80,7 @@ def rays(
         sizes=_sizes(resolution or ("1920x1080,3840x2160" if full else "1920x1080")),
         runs=runs or (11 if full else 5),
         checked=check or (100_000 if full else 20_000),
-        runners=[*exact_methods(), MitsubaRunner(), EmbreexRunner()],
+        runners=[*exact_methods(), MitsubaRunner(), EmbreexRunner(), WarpRunner()],
         models=models_folder(folder),
         path=FlyThrough.load(path) if path is not None else None,
     )
@@ -111,7 +113,7 @@ def sun(
     place = models_folder(folder)
     if output is not None:
         files.check_writable(output, (".json",))
-    runners = [*exact_methods(), MitsubaRunner(), EmbreexRunner()]
+    runners = [*exact_methods(), MitsubaRunner(), EmbreexRunner(), WarpRunner()]
     with clock.span(f"load {name}"):
         loaded = SCENES[name].load(place)
     with clock.span("sensors"):

@@ -1,6 +1,7 @@
 """Fly-throughs: key frames of a camera in a CSV file, joined by Catmull-Rom splines."""
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,11 +13,12 @@ from umbrae.errors import InputError
 from umbrae.files import load_text
 
 COLUMNS = ("time", "x", "y", "z", "view_x", "view_y", "view_z", "up_x", "up_y", "up_z")
+Place = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class FlyThrough:
-    """Key frames of a camera; made by `FlyThrough.load`.
+    """Key frames of a camera; made by `FlyThrough.load` or `FlyThrough.between`.
 
     Attributes
     ----------
@@ -68,6 +70,13 @@ class FlyThrough:
         values = values.reshape(-1, len(COLUMNS))[:, order]
         return cls(path.name, values[:, 0], values[:, 1:])
 
+    @classmethod
+    def between(cls, name: str, seconds: float, places: Sequence[tuple[Place, Place]]) -> "FlyThrough":
+        """Through places at equal distances of time: where the camera is, and what it looks at; y is up."""
+        eyes, targets = np.array(places, np.float64).swapaxes(0, 1)
+        up = np.tile((0.0, 1.0, 0.0), (len(eyes), 1))
+        return cls(name, np.linspace(0.0, seconds, len(eyes)), np.hstack([eyes, targets - eyes, up]))
+
     def at(self, time: float) -> NDArray[np.float64]:
         """`(9,)` position, direction of view and up at a time in seconds; the first or last key outside.
 
@@ -92,6 +101,11 @@ class FlyThrough:
             + (s**3 - s**2) * length * slope[i + 1]
         )
         return value
+
+    def cameras(self, frames: int, width: int, height: int, near: float) -> list[Camera]:
+        """So many cameras, spread evenly over the flight; the one in its middle if it is one only."""
+        shares = np.linspace(0.0, 1.0, frames) if frames > 1 else [0.5]
+        return [self.camera(float(share), width, height, near) for share in shares]
 
     def camera(self, share: float, width: int, height: int, near: float) -> Camera:
         """The camera after a share, 0 to 1, of the whole flight."""

@@ -1,18 +1,11 @@
 """The tables of Sintorn, Olsson and Assarsson 2011 as commands below `umbrae bench`."""
 
-from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from umbrae import files
 from umbrae.bench import sintorn_flythrough, sintorn_memory, sintorn_variants
-from umbrae.bench.command_options import Models, Output, models_folder, report
-from umbrae.bench.sweep import SweepRecord
-from umbrae.clock import Clock
-from umbrae.console import ConsoleClock
-from umbrae.errors import OptionError
+from umbrae.bench.command_options import Models, Output, begin, finish, known
 from umbrae.options import Json, Quiet
 
 app = typer.Typer(rich_markup_mode=None)
@@ -31,11 +24,11 @@ def flythrough(
     quiet: Quiet = False,
 ) -> None:
     """Measure times and test-and-set operations along flights: Figure 7 of Sintorn et al. 2011."""
-    clock, place = _begin(folder, output, as_json or quiet)
-    names = _known(scene, sintorn_flythrough.FLIGHTS)
+    clock, place = begin(folder, output, as_json or quiet)
+    names = known(scene, sintorn_flythrough.FLIGHTS)
     sizes = sintorn_flythrough.SIZES
     opengl = sizes if full else sizes[:1]
-    _finish(sintorn_flythrough.run_flythrough(place, names, sizes, opengl, frames, clock), output, as_json)
+    finish(sintorn_flythrough.run_flythrough(place, names, sizes, opengl, frames, clock), output, as_json)
 
 
 @app.command("sintorn-variants")
@@ -51,10 +44,10 @@ def variants(
     quiet: Quiet = False,
 ) -> None:
     """Measure opaque, cut out, translucent and coloured leaves: Figure 8 of Sintorn et al. 2011."""
-    clock, place = _begin(folder, output, as_json or quiet)
-    names = _known(scene, sintorn_variants.SCENES)
+    clock, place = begin(folder, output, as_json or quiet)
+    names = known(scene, sintorn_variants.SCENES)
     size = sintorn_variants.SIZE
-    _finish(sintorn_variants.run_variants(place, names, full, frames, size, clock), output, as_json)
+    finish(sintorn_variants.run_variants(place, names, full, frames, size, clock), output, as_json)
 
 
 @app.command("sintorn-memory")
@@ -64,25 +57,5 @@ def memory(
     quiet: Quiet = False,
 ) -> None:
     """Tell the bytes of each buffer beside those of Sintorn et al. 2011, section 4."""
-    clock, _ = _begin(None, output, as_json or quiet)
-    _finish(sintorn_memory.run_memory(sintorn_memory.SIZES, clock), output, as_json)
-
-
-def _begin(folder: Path | None, output: Path | None, silent: bool) -> tuple[Clock, Path | None]:
-    """A clock and the folder of models; refuses an output that cannot be written."""
-    if output is not None:
-        files.check_writable(output, (".json",))
-    return Clock() if silent else ConsoleClock(), models_folder(folder)
-
-
-def _known(names: list[str], known: Mapping[str, object]) -> list[str]:
-    for name in names:
-        if name not in known:
-            raise OptionError(f"unknown scene {name!r} (known: {', '.join(known)})")
-    return list(dict.fromkeys(names)) or list(known)
-
-
-def _finish(record: SweepRecord, output: Path | None, as_json: bool) -> None:
-    report(record, output, as_json)
-    if record.broken:
-        raise typer.Exit(1)
+    clock, _ = begin(None, output, as_json or quiet)
+    finish(sintorn_memory.run_memory(sintorn_memory.SIZES, clock), output, as_json)

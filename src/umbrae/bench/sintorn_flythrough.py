@@ -4,10 +4,8 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from umbrae.bench.case import View
-from umbrae.bench.flythrough import FlyThrough
+from umbrae.bench.flythrough import FlyThrough, Place
 from umbrae.bench.scenes import SCENES, extent
 from umbrae.bench.sweep import TIME, PaperRow, Quantity, Sweep, SweepRecord
 from umbrae.bench.sweep_run import Column, run_sweep
@@ -19,8 +17,6 @@ SIZES = (1024, 4096)
 """Pixels a side, as in the paper."""
 CHECKED = 2_000
 """Samples of the last frame that each row's mask is held against the oracle in."""
-
-Place = tuple[float, float, float]
 
 FLIGHTS: dict[str, Sequence[tuple[Place, Place]]] = {
     "sponza": (
@@ -108,12 +104,9 @@ def rows_of(opengl: bool) -> dict[str, Method]:
 
 def flight(name: str, scene: Scene, frames: int, size: int) -> list[View]:
     """The views along a flight, the light at rest."""
-    places, targets = np.array(FLIGHTS[name], np.float64).swapaxes(0, 1)
-    up = np.tile((0.0, 1.0, 0.0), (len(places), 1))
-    path = FlyThrough(name, np.arange(len(places), dtype=np.float64), np.hstack([places, targets - places, up]))
     light, near = SCENES[name].light(scene, False), 1e-4 * extent(scene)
-    shares = np.linspace(0.0, 1.0, frames) if frames > 1 else [0.5]
-    return [View(path.camera(float(share), size, size, near), light) for share in shares]
+    path = FlyThrough.between(name, len(FLIGHTS[name]) - 1, FLIGHTS[name])
+    return [View(camera, light) for camera in path.cameras(frames, size, size, near)]
 
 
 def run_flythrough(

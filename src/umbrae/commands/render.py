@@ -31,6 +31,11 @@ from umbrae.options import (
     Json,
     LightRadius,
     LightSamples,
+    MapBias,
+    MapFilter,
+    MapProjection,
+    MapSize,
+    MapSlopeBias,
     MethodName,
     Model,
     Opaque,
@@ -44,6 +49,7 @@ from umbrae.options import (
     Target,
     Up,
     given,
+    of_shadow_map,
 )
 from umbrae.render import is_filtered
 from umbrae.shade import mask_image
@@ -75,6 +81,11 @@ def render(
     determinism: Determinism = None,
     counter: Counter = None,
     culling: Culling = None,
+    map_size: MapSize = None,
+    map_bias: MapBias = None,
+    map_slope_bias: MapSlopeBias = None,
+    map_filter: MapFilter = None,
+    map_projection: MapProjection = None,
     silhouette: Silhouette = None,
     epsilon: Epsilon = None,
     epsilon_px: EpsilonPx = None,
@@ -139,6 +150,9 @@ def render(
         counting=counting, determinism=determinism, counter=counter, culling=culling, light_samples=light_samples,
         silhouette=silhouette, epsilon=epsilon, epsilon_px=epsilon_px,
     )  # fmt: skip
+    options |= of_shadow_map(
+        method, size=map_size, bias=map_bias, slope_bias=map_slope_bias, filter=map_filter, projection=map_projection
+    )
     algorithm = make_method(method, **options)
     filtered, sized = is_filtered(antialiasing, samples_per_pixel, algorithm), light_radius > 0 or sun_diameter > 0
     if filter_width is not None and not filtered:

@@ -26,6 +26,11 @@ from umbrae.options import (
     Json,
     LightRadius,
     LightSamples,
+    MapBias,
+    MapFilter,
+    MapProjection,
+    MapSize,
+    MapSlopeBias,
     Model,
     Opaque,
     Points,
@@ -36,6 +41,7 @@ from umbrae.options import (
     Target,
     Up,
     given,
+    of_shadow_map,
 )
 from umbrae.transmission import transmission_of
 from umbrae.verify import Truth
@@ -82,6 +88,11 @@ def verify(
     determinism: Determinism = None,
     counter: Counter = None,
     culling: Culling = None,
+    map_size: MapSize = None,
+    map_bias: MapBias = None,
+    map_slope_bias: MapSlopeBias = None,
+    map_filter: MapFilter = None,
+    map_projection: MapProjection = None,
     count: Annotated[int, typer.Option(min=1, metavar="N", help="Samples to check.")] = 20_000,
     size: SizeOption = DEFAULT_SIZE,
     eye: Eye = None,
@@ -103,6 +114,9 @@ def verify(
     every = method == EVERY
     options = given(
         counting=counting, determinism=determinism, counter=counter, culling=culling, light_samples=light_samples
+    )
+    options |= of_shadow_map(
+        method, size=map_size, bias=map_bias, slope_bias=map_slope_bias, filter=map_filter, projection=map_projection
     )
     algorithms = _algorithms(method, options)
     judge = make_method(JUDGE, **given(light_samples=light_samples))

@@ -147,7 +147,11 @@ class CountingEngine(ABC):
         self.prepare_program(drawn, frame)
         context = self.session.moderngl
         array = context.vertex_array(drawn, [(self.vertices, "3f", "position")], index)
-        array.render(getattr(context, mode))
+        self.issue(array, index, getattr(context, mode))
+
+    def issue(self, array: Any, index: Any, mode: int) -> None:
+        """Draw the whole array, whose vertices are those at `index`."""
+        array.render(mode)
 
     def net_count(self, light: Light, samples: ViewSamples) -> NDArray[np.int32]:
         """`(h, w) int32` what all faces of all volumes add up to at each pixel, whatever their depth.
