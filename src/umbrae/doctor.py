@@ -27,6 +27,7 @@ EXTRAS = {
     "sun": ("pvlib", "pandas", "cmap"),
     "bench": ("mitsuba", "embreex"),
     "cuda": ("warp-lang",),
+    "pyvista": ("pyvista",),
     "video": ("imageio", "av"),
 }
 """Optional packages by the extra that brings them, as in pyproject.toml."""

@@ -10,11 +10,11 @@ from rich.console import Console
 
 from umbrae import arguments, files, models
 from umbrae.arguments import Size
-from umbrae.bench import milet_commands, report_commands, sintorn_commands, table
+from umbrae.bench import milet_commands, pyvista_shadows, report_commands, sintorn_commands, table
 from umbrae.bench.bars import bars
 from umbrae.bench.benchmark import Benchmark
 from umbrae.bench.case import LIGHTS
-from umbrae.bench.command_options import Models, Output, models_folder, report
+from umbrae.bench.command_options import Models, Output, begin, finish, known, models_folder, report
 from umbrae.bench.embree import EmbreexRunner, MitsubaRunner
 from umbrae.bench.flythrough import FlyThrough
 from umbrae.bench.mattausch import run_mattausch
@@ -167,6 +167,22 @@ def stich_city(
     report(record, output, as_json)
     if record.broken:
         raise typer.Exit(1)
+
+
+@app.command("pyvista")
+def pyvista(
+    scene: Annotated[
+        list[str],
+        typer.Option(metavar="NAME", help=f"One of {', '.join(pyvista_shadows.NAMES)}; repeatable."),
+    ] = [],  # noqa: B006
+    output: Output = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Count wrong pixels of PyVista's shadows and of shadow maps, beside exact ones."""
+    clock, _ = begin(None, output, as_json or quiet)
+    names = known(scene, dict.fromkeys(pyvista_shadows.NAMES))
+    finish(pyvista_shadows.run_pyvista(names, pyvista_shadows.SIZES, clock), output, as_json)
 
 
 @app.command()

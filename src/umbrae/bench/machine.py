@@ -10,7 +10,7 @@ from typing import Any
 from umbrae.gl.context import driver
 from umbrae.parallel import thread_count
 
-PACKAGES = ("umbrae", "numpy", "numba", "llvmlite", "mitsuba", "drjit", "embreex", "warp-lang")
+PACKAGES = ("umbrae", "numpy", "numba", "llvmlite", "mitsuba", "drjit", "embreex", "warp-lang", "pyvista", "vtk")
 
 
 def describe() -> dict[str, Any]:
