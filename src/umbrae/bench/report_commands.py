@@ -9,6 +9,7 @@ from rich.table import Table
 
 from umbrae import files
 from umbrae.bench.compare import changes
+from umbrae.bench.report.merge import merged
 from umbrae.bench.report.page import page
 from umbrae.bench.report.pictures import pairs
 from umbrae.bench.report.sections import section
@@ -31,7 +32,7 @@ def report(
 ) -> None:
     """Put results on one page: tables, plots, pictures; it needs no other file and asks for none."""
     files.check_writable(output, (".html", ".htm"))
-    sections = [section(load_result(path)) for path in results]
+    sections = merged([section(load_result(path)) for path in dict.fromkeys(results)])
     shown = list(pairs(Clock() if quiet else ConsoleClock())) if pictures else []
     files.save_text(output, page(sections, shown))
 

@@ -1,0 +1,122 @@
+"""A page in headless Chromium, driven over its debugging pipe: no driver, no package, no port."""
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "chrome")
+
+
+def find() -> str | None:
+    """The program, if there is one; `UMBRAE_BROWSER` names another, `off` none."""
+    named = os.environ.get("UMBRAE_BROWSER")
+    if named is not None:
+        return None if named == "off" else shutil.which(named)
+    return next((found for found in map(shutil.which, NAMES) if found), None)
+
+
+class Page:
+    """A file in a browser of its own; `console` and `requests` gather what it says and asks for."""
+
+    def __init__(self, program: str, profile: Path, width: int, height: int, dark: bool = False) -> None:
+        self.console: list[str] = []
+        self.requests: list[str] = []
+        self._number = 0
+        self._loaded = False
+        # The browser reads commands from its descriptor 3, and answers on 4.
+        theirs, ours = os.pipe()
+        mine, its = os.pipe()
+        self._process = subprocess.Popen(
+            [
+                "sh", "-c", f'exec "$@" 3<&{theirs} 4>&{its}', "sh", program, "--headless", "--no-sandbox", "--disable-gpu",
+                "--hide-scrollbars", "--no-first-run", "--remote-debugging-pipe", f"--user-data-dir={profile}",
+                "--disable-dev-shm-usage", "--disable-background-networking", "about:blank",
+            ],
+            pass_fds=(theirs, its), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        os.close(theirs)
+        os.close(its)
+        self._send, self._answers = os.fdopen(ours, "wb", 0), os.fdopen(mine, "rb")
+        self._session: str | None = None
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.call(f"{domain}.enable")
+        self.call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
+        )
+        features = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+        self.call("Emulation.setEmulatedMedia", features=features)
+
+    def __enter__(self) -> "Page":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.terminate()
+        self._process.wait(20)
+        self._send.close()
+        self._answers.close()
+
+    def open(self, path: Path) -> None:
+        """Show a file, whole."""
+        self._loaded = False
+        self.call("Page.navigate", url=path.as_uri())
+        while not self._loaded:
+            self._hear()
+
+    def evaluate(self, script: str) -> Any:
+        """What JavaScript comes to."""
+        answer = self.call("Runtime.evaluate", expression=script, returnByValue=True)
+        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
+        return answer["result"].get("value")
+
+    def press(self, key: str, code: int) -> None:
+        """A key, as a person would."""
+        for kind in ("rawKeyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
+
+    def picture(self, path: Path, whole: bool = True) -> None:
+        """What it looks like, as PNG."""
+        shot = self.call("Page.captureScreenshot", captureBeyondViewport=whole, format="png")
+        path.write_bytes(base64.b64decode(shot["data"]))
+
+    def call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """A command of the DevTools protocol, and its answer."""
+        self._number += 1
+        message: dict[str, Any] = {"id": self._number, "method": method, "params": parameters}
+        if self._session is not None:
+            message["sessionId"] = self._session
+        self._send.write(json.dumps(message).encode() + b"\0")
+        while True:
+            answer = self._hear()
+            if answer.get("id") == self._number:
+                assert "error" not in answer, f"{method}: {answer['error']}"
+                return dict(answer["result"])
+
+    def _hear(self) -> dict[str, Any]:
+        """The next message; what belongs to the page's own doings is kept."""
+        data = bytearray()
+        while (byte := self._answers.read(1)) != b"\0":
+            assert byte, f"the browser ended with status {self._process.wait(20)}"
+            data += byte
+        message: dict[str, Any] = json.loads(data)
+        about = message.get("params", {})
+        match message.get("method"):
+            case "Runtime.consoleAPICalled":
+                self.console.append(str(about["args"]))
+            case "Runtime.exceptionThrown":
+                self.console.append(str(about["exceptionDetails"]))
+            case "Log.entryAdded":
+                self.console.append(str(about["entry"]))
+            case "Network.requestWillBeSent":
+                self.requests.append(about["request"]["url"])
+            case "Page.loadEventFired":
+                self._loaded = True
+        return message
