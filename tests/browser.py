@@ -5,11 +5,22 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "chrome")
+
+_LAUNCH = """
+import fcntl, os, sys
+pipes = [fcntl.fcntl(int(one), fcntl.F_DUPFD, 10) for one in sys.argv[1:3]]
+for place, pipe in enumerate(pipes, 3):
+    os.dup2(pipe, place)
+    os.close(pipe)
+os.execv(sys.argv[3], sys.argv[3:])
+"""
+"""Puts the pipes where the browser looks for them; a shell may not know numbers of two digits."""
 
 
 def find() -> str | None:
@@ -33,9 +44,9 @@ class Page:
         mine, its = os.pipe()
         self._process = subprocess.Popen(
             [
-                "sh", "-c", f'exec "$@" 3<&{theirs} 4>&{its}', "sh", program, "--headless", "--no-sandbox", "--disable-gpu",
-                "--hide-scrollbars", "--no-first-run", "--remote-debugging-pipe", f"--user-data-dir={profile}",
-                "--disable-dev-shm-usage", "--disable-background-networking", "about:blank",
+                sys.executable, "-ISc", _LAUNCH, str(theirs), str(its), program, "--headless", "--no-sandbox",
+                "--disable-gpu", "--disable-dev-shm-usage", "--disable-background-networking", "--hide-scrollbars",
+                "--no-first-run", "--remote-debugging-pipe", f"--user-data-dir={profile}", "about:blank",
             ],
             pass_fds=(theirs, its), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip

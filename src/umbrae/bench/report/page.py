@@ -21,16 +21,15 @@ _MOVED = "this.closest('figure').style.setProperty('--at',this.value+'%')"
 
 def page(sections: Sequence[Section], pairs: Sequence[Pair]) -> str:
     """All of it; no script but what moves the sliders, and nothing that is fetched."""
-    titles = {f"s{number}": section.title for number, section in enumerate(sections, 1)}
-    if pairs:
-        titles["pictures"] = "Pictures"
+    titles = {"pictures": "Pictures"} if pairs else {}
+    titles |= {f"s{number}": section.title for number, section in enumerate(sections, 1)}
     contents = "".join(f'<li><a href="#{name}">{escape(title)}</a></li>' for name, title in titles.items())
     body = [
         f"<header><h1>{TITLE}</h1><p class=note>{escape(_INTRODUCTION)}</p></header>",
         f"<nav aria-label=Contents><ul>{contents}</ul></nav>",
         "<main>",
-        *(_section(f"s{number}", section) for number, section in enumerate(sections, 1)),
         _pictures(pairs),
+        *(_section(f"s{number}", section) for number, section in enumerate(sections, 1)),
         "</main>",
     ]
     style = (Path(__file__).parent / "style.css").read_text("utf-8")
@@ -53,7 +52,8 @@ def _section(name: str, section: Section) -> str:
         )
         parts.append(f"<p class=machine>{command} on</p><dl class=machines>{machines}</dl>")
     parts += [f"<p class=wrong>WRONG: {escape(text.removeprefix('WRONG: '))}</p>" for text in section.wrong]
-    parts += [_table(f"{name}t{number}", grid) for number, grid in enumerate(section.grids, 1)]
+    tables = "".join(_table(f"{name}t{number}", grid) for number, grid in enumerate(section.grids, 1))
+    parts.append(f"<div class=tables>{tables}</div>")
     plots = "".join(svg(plot) for plot in section.plots)
     parts += [f"<div class=plots>{plots}</div>"] if plots else []
     parts += [f"<p class=note>{escape(text)}</p>" for text in (*section.notes, *section.missing)]
@@ -69,8 +69,9 @@ def _table(name: str, grid: Grid) -> str:
         rows.append(f"<tr{style}><th scope=row>{escape(row[0])}</th>{cells}</tr>")
     # Not a caption, which would be as wide as the table, and scroll away with it.
     return (
-        f'<h3 id="{name}">{escape(grid.caption)}</h3><div class=scroll tabindex=0 role=region aria-labelledby="{name}">'
-        f'<table aria-labelledby="{name}"><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
+        f'<div class=table><h3 id="{name}">{escape(grid.caption)}</h3>'
+        f'<div class=scroll tabindex=0 role=region aria-labelledby="{name}"><table aria-labelledby="{name}">'
+        f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div></div>"
     )
 
 

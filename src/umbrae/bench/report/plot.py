@@ -42,9 +42,7 @@ def svg(plot: Plot) -> str:
         if placed:
             parts.append(_drawn(curve, number, placed, plot.joined))
             key = _drawn(curve, number, [(-18.0, 0.0), (18.0, 0.0)] if plot.joined else [(0.0, 0.0)], plot.joined, True)
-            legend.append(
-                f'<li><svg viewBox="-18 -7 36 14" aria-hidden="true">{key}</svg>{escape(curve.name)}</li>'
-            )
+            legend.append(f'<li><svg viewBox="-18 -7 36 14" aria-hidden="true">{key}</svg>{escape(curve.name)}</li>')
     title = escape(plot.title)
     return (
         f'<figure><figcaption>{title}</figcaption><svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
@@ -52,9 +50,7 @@ def svg(plot: Plot) -> str:
     )
 
 
-def _drawn(
-    curve: Curve, number: int, points: Sequence[tuple[float, float]], joined: bool, key: bool = False
-) -> str:
+def _drawn(curve: Curve, number: int, points: Sequence[tuple[float, float]], joined: bool, key: bool = False) -> str:
     """A curve's line and markers; as a key, one marker amid the line."""
     look = f"c{number % _COLOURS}{' hollow' if curve.hollow else ''}"
     dash = _DASHES[number // len(_SHAPES) % len(_DASHES)]

@@ -19,9 +19,7 @@ _NOTE = (
 
 def rays_section(record: Record, machine: str) -> Section:
     """What to show of a record of `umbrae bench rays`."""
-    ran = [
-        _Ran(result, runner) for result in record.cases for runner in result.runners if runner.not_run is None
-    ]
+    ran = [_Ran(result, runner) for result in record.cases for runner in result.runners if runner.not_run is None]
     grids = [
         _gains(record),
         *(_grid(f"{kind.capitalize()}, ms", ran, lambda one, kind=kind: one.time(kind), "{:.1f}") for kind in _KINDS),  # type: ignore[misc]
@@ -103,13 +101,13 @@ def _plots(ran: Sequence[_Ran]) -> list[Plot]:
             plots.append(Plot(title, "triangles", "milliseconds", curves))
     if any(one.wrong for one in ran):
         curves = _curves(ran, lambda one: one.time("cold"), lambda one: one.wrong)
-        plots.append(Plot("Wrong samples beside time, all cases", "milliseconds, cold", "% of samples wrong", curves, False))
+        plots.append(
+            Plot("Wrong samples beside time, all cases", "milliseconds, cold", "% of samples wrong", curves, False)
+        )
     return plots
 
 
-def _curves(
-    ran: Sequence[_Ran], x: Callable[[_Ran], float | None], y: Callable[[_Ran], float | None]
-) -> list[Curve]:
+def _curves(ran: Sequence[_Ran], x: Callable[[_Ran], float | None], y: Callable[[_Ran], float | None]) -> list[Curve]:
     """One for each runner."""
     points: dict[str, list[tuple[float, float]]] = {}
     for one in ran:

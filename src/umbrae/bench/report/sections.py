@@ -73,7 +73,9 @@ def _mattausch(result: Result) -> Section:
     for place, (name, light) in enumerate(lights.items()):
         rows: list[Sequence[str]] = []
         for about, own in medians.items():
-            rows.append((", ".join(about), *(f"{own[name, kind]:.1f}" if (name, kind) in own else "" for kind in KINDS)))
+            rows.append(
+                (", ".join(about), *(f"{own[name, kind]:.1f}" if (name, kind) in own else "" for kind in KINDS))
+            )
         grids.append(Grid(f"Time, {light}, ms", ("model", *KINDS), rows))
         rows, dim = [], set()
         for (model, method), own in medians.items():

@@ -106,13 +106,14 @@ def _written(values: Sequence[float | None], form: str) -> list[str]:
 
 def _curves(record: SweepRecord, quantity: Quantity) -> Iterator[Plot]:
     """A plot of all columns that are numbers, or one for each word that stands before several numbers."""
-    groups: dict[str, dict[float, str]] = {}
+    groups: dict[tuple[str, str], dict[float, str]] = {}
+    last = re.split(r", | and ", record.sweep.axis)[-1]
     for column in record.sweep.columns:
         place = _place(column)
         if place is not None:
-            groups.setdefault(place[0], {})[place[1]] = column
-    axis = re.split(r", | and ", record.sweep.axis)[-1]
-    for group, columns in groups.items():
+            group, x, of_size = place
+            groups.setdefault((group, "pixels" if of_size else last), {})[x] = column
+    for (group, axis), columns in groups.items():
         curves = []
         for row in record.rows:
             cells = [(x, record.cell(row, column)) for x, column in sorted(columns.items())]
@@ -125,13 +126,16 @@ def _curves(record: SweepRecord, quantity: Quantity) -> Iterator[Plot]:
             yield Plot(title, axis, quantity.unit, curves)
 
 
-def _place(column: str) -> tuple[str, float] | None:
-    """What a column stands for: `10x10 96,002`, `96002`, or the pixels of `800x600`; None for anything else."""
+def _place(column: str) -> tuple[str, float, bool] | None:
+    """The word before a column's number, the number, and whether it is of the pixels of a size.
+
+    `10x10 96,002`, `96002` and `city 800x600` have one; None for what has none.
+    """
     found = re.fullmatch(r"(?:(.*\S)\s+)?(\d[\d,]*(?:\.\d+)?)(?:\s*x\s*(\d+))?", column.strip())
     if found is None:
         return None
     group, number, height = found.groups()
-    return group or "", float(number.replace(",", "")) * float(height or 1)
+    return group or "", float(number.replace(",", "")) * float(height or 1), height is not None
 
 
 def _wrong_beside_time(record: SweepRecord) -> Plot:
