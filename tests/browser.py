@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import select
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,8 @@ from types import TracebackType
 from typing import Any
 
 NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "chrome")
+PATIENCE = 60
+"""Seconds."""
 
 _LAUNCH = """
 import fcntl, os, sys
@@ -52,8 +55,16 @@ class Page:
         )  # fmt: skip
         os.close(theirs)
         os.close(its)
-        self._send, self._answers = os.fdopen(ours, "wb", 0), os.fdopen(mine, "rb")
+        self._send, self._answers, self._heard = ours, mine, b""
         self._session: str | None = None
+        try:
+            self._begin(width, height, dark)
+        except BaseException:
+            self.close()
+            raise
+
+    def _begin(self, width: int, height: int, dark: bool) -> None:
+        """A page of this size, and an ear for what it does."""
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
@@ -70,10 +81,17 @@ class Page:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._process.terminate()
-        self._process.wait(20)
-        self._send.close()
-        self._answers.close()
+        self.close()
+
+    def close(self) -> None:
+        """End the browser, which does so itself when nobody is at the other end of its pipes."""
+        os.close(self._send)
+        os.close(self._answers)
+        try:
+            self._process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
 
     def open(self, path: Path) -> None:
         """Show a file, whole."""
@@ -84,7 +102,7 @@ class Page:
 
     def evaluate(self, script: str) -> Any:
         """What JavaScript comes to."""
-        answer = self.call("Runtime.evaluate", expression=script, returnByValue=True)
+        answer = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
@@ -104,7 +122,7 @@ class Page:
         message: dict[str, Any] = {"id": self._number, "method": method, "params": parameters}
         if self._session is not None:
             message["sessionId"] = self._session
-        self._send.write(json.dumps(message).encode() + b"\0")
+        os.write(self._send, json.dumps(message).encode() + b"\0")
         while True:
             answer = self._hear()
             if answer.get("id") == self._number:
@@ -113,10 +131,13 @@ class Page:
 
     def _hear(self) -> dict[str, Any]:
         """The next message; what belongs to the page's own doings is kept."""
-        data = bytearray()
-        while (byte := self._answers.read(1)) != b"\0":
-            assert byte, f"the browser ended with status {self._process.wait(20)}"
-            data += byte
+        while b"\0" not in self._heard:
+            ready, _, _ = select.select([self._answers], [], [], PATIENCE)
+            assert ready, f"no word from the browser for {PATIENCE} seconds"
+            data = os.read(self._answers, 1 << 20)
+            assert data, "the browser has ended"
+            self._heard += data
+        data, _, self._heard = self._heard.partition(b"\0")
         message: dict[str, Any] = json.loads(data)
         about = message.get("params", {})
         match message.get("method"):

@@ -157,3 +157,13 @@ def test_what_is_no_result_is_refused_in_a_line(tmp_path, capsys, text, command)
     assert cli.run(["bench", command, str(path), *more]) == 2
     out, err = capsys.readouterr()
     assert "bad.json" in err and err.count("\n") == 1 and out == "" and not (tmp_path / "page.html").exists()
+
+
+@pytest.mark.parametrize(("factor", "told"), [(1.2, True), (1.03, False)])
+def test_a_machine_that_was_busy_is_suspected(tmp_path, capsys, factor, told):
+    """All of it slower, contestants of others too: hardly the work of one's own change."""
+    names = [("fast", "few"), ("slow", "few"), ("mitsuba", "few")]
+    old = saved(tmp_path / "a.json", dict.fromkeys(names, FLIGHT))
+    new = saved(tmp_path / "b.json", {name: [factor * seconds for seconds in FLIGHT] for name in names})
+    assert cli.run(["bench", "compare", str(old), str(new)]) == int(told)
+    assert (f"half of all ratios are above {factor:.2f}" in capsys.readouterr().out) == told

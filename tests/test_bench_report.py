@@ -181,7 +181,7 @@ def test_a_tick_stands_beside_its_value():
     drawn = svg(Plot("T", "x", "y", [Curve("c", [(10.0, 1.0), (1000.0, 100.0)])]))
     line, _ = re.findall(r'class="line" points="([^"]+)"', drawn)  # the other one is the legend's
     (x, y), _ = [tuple(map(float, pair.split(","))) for pair in line.split()]
-    assert f'<text x="{x:.1f}" y="{HEIGHT - 38}" text-anchor="middle">10</text>' in drawn
+    assert f'<text x="{x:.1f}" y="{HEIGHT - 40}" text-anchor="middle">10</text>' in drawn
     assert re.search(rf'y="{y + 5:.1f}" text-anchor="end">1</text>', drawn)
     assert ">1k</text>" in drawn and ">100</text>" in drawn
 

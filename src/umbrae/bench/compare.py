@@ -10,7 +10,7 @@ from umbrae.bench.results import Result
 from umbrae.errors import InputError
 
 LEAST = 1.05
-"""Ratios nearer to 1 count as the same: so much differs from process to process, however steady the runs of each."""
+"""Ratios nearer to 1 count as the same, however steady the runs of each process are: a choice."""
 MOST_FRAMES = 0.9
 """Share of the frames that a change shows in, where frames differ in what there is to do."""
 FEWEST = 3
@@ -63,6 +63,11 @@ class Comparison:
         """The best last."""
         found = (one for one in self.changes if one.beyond and not one.slower)
         return tuple(sorted(found, key=lambda one: -one.ratio))
+
+    @property
+    def middle(self) -> float:
+        """The median of all ratios: far from 1, the machine itself was slower or faster."""
+        return float(np.median([one.ratio for one in self.changes])) if self.changes else 1.0
 
 
 def compare(old: Result, new: Result) -> Comparison:

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from umbrae import files
-from umbrae.bench.compare import FEWEST, Comparison, different_machines
+from umbrae.bench.compare import FEWEST, LEAST, Comparison, different_machines
 from umbrae.bench.compare import compare as compare_results
 from umbrae.bench.report.merge import merged
 from umbrae.bench.report.page import page
@@ -63,6 +63,12 @@ def _show(found: Comparison, console: Console) -> None:
         for one in changed:
             rows.add_row(one.name, f"{1e3 * one.old:.2f}", f"{1e3 * one.new:.2f}", f"{one.ratio:.2f}")
         console.print(rows)
+    if len(found.changes) > 2 and max(found.middle, 1 / found.middle) >= LEAST:
+        side = "above" if found.middle > 1 else "below"
+        console.print(
+            f"half of all ratios are {side} {found.middle:.2f}: the machine may have been busy during one of the two",
+            markup=False,
+        )
     for name in found.gone:
         console.print(f"  {name}: not measured any more", markup=False)
     for name in found.few:

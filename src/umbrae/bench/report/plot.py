@@ -11,7 +11,7 @@ from html import escape
 from umbrae.bench.report.section import Curve, Plot
 
 WIDTH, HEIGHT = 640, 360
-_LEFT, _RIGHT, _TOP, _BOTTOM = 72, 16, 14, 58
+_LEFT, _RIGHT, _TOP, _BOTTOM = 70, 20, 38, 64
 _SHAPES = {
     "circle": "m-4.2 0a4.2 4.2 0 1 0 8.4 0a4.2 4.2 0 1 0 -8.4 0z",
     "square": "m-3.7 -3.7h7.4v7.4h-7.4z",
@@ -104,17 +104,16 @@ def _frame(axes: Sequence[_Axis], plot: Plot) -> list[str]:
     for value in axes[0].ticks():
         x = _LEFT + axes[0].share(value) * (right - _LEFT)
         parts.append(f'<path class="grid" d="M{x:.1f} {_TOP}V{bottom}"/>')
-        parts.append(f'<text x="{x:.1f}" y="{bottom + 20}" text-anchor="middle">{_number(value)}</text>')
+        parts.append(f'<text x="{x:.1f}" y="{bottom + 24}" text-anchor="middle">{_number(value)}</text>')
     for value in axes[1].ticks():
         y = bottom - axes[1].share(value) * (bottom - _TOP)
         parts.append(f'<path class="grid" d="M{_LEFT} {y:.1f}H{right}"/>')
         parts.append(f'<text x="{_LEFT - 6}" y="{y + 5:.1f}" text-anchor="end">{_number(value)}</text>')
-    middle = (_TOP + bottom) / 2
     parts.append(
-        f'<text class="name" x="{(_LEFT + right) / 2}" y="{HEIGHT - 10}" text-anchor="middle">{escape(plot.x)}</text>'
+        f'<text class="name" x="{(_LEFT + right) / 2}" y="{HEIGHT - 12}" text-anchor="middle">{escape(plot.x)}</text>'
     )
-    turned = f'transform="translate(18 {middle}) rotate(-90)" text-anchor="middle"'
-    parts.append(f'<text class="name" {turned}>{escape(plot.y)}</text>')
+    # Not turned: that would take the width of a phone, and a turned head.
+    parts.append(f'<text class="name" x="10" y="24">{escape(plot.y)}</text>')
     return parts
 
 
