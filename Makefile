@@ -6,18 +6,20 @@ PAVILION = --eye 7,7.4,25 --target 0.2,0.6,0.6 --fov 36 --sun 238,32 --samples-p
 
 # For the tests alone: where no driver gives OpenGL 4.5, Mesa's renders on the CPU.
 GL_PACKAGES = libegl1 libopengl0 libgl1-mesa-dri
+# For one test file: a browser that looks at the page of umbrae bench report.
+BROWSER_PACKAGES = chromium-headless-shell
 
-.PHONY: demo test check opengl clean clean-kernels
+.PHONY: demo test check opengl browser clean clean-kernels
 
 demo: .venv/.installed
 	@mkdir -p out
 	.venv/bin/umbrae scene pavilion -o out/pavilion.glb
 	.venv/bin/umbrae render out/pavilion.glb -o out/pavilion.png --mask out/pavilion_mask.png $(PAVILION)
 
-test: .venv/.installed-dev opengl
+test: .venv/.installed-dev opengl browser
 	.venv/bin/pytest -q -n 2 --dist worksteal
 
-check: .venv/.installed-dev opengl
+check: .venv/.installed-dev opengl browser
 	.venv/bin/ruff format --check
 	.venv/bin/ruff check
 	.venv/bin/mypy
@@ -34,6 +36,18 @@ opengl: .venv/.installed-dev
 	else export DEBIAN_FRONTEND=noninteractive; \
 	    get() { apt-get -q update && apt-get -q install -y --no-install-recommends $(GL_PACKAGES); }; \
 	    get || { sleep 5; get; } || echo 'OpenGL 4.5 is missing, and could not be installed: $(GL_PACKAGES)' >&2; \
+	fi
+
+# Never fails, as above.
+browser: .venv/.installed-dev
+	@if [ "$$UMBRAE_BROWSER" = off ] || (cd tests && ../.venv/bin/python -c 'import browser; exit(not browser.find())'); \
+	then :; elif ! command -v apt-get > /dev/null; \
+	then echo 'No Chromium is there for tests of a page: install it, or set UMBRAE_BROWSER=off' >&2; \
+	elif [ "$$(id -u)" -ne 0 ]; \
+	then echo 'No Chromium is there for tests of a page; run: sudo apt-get install $(BROWSER_PACKAGES)' >&2; \
+	else export DEBIAN_FRONTEND=noninteractive; \
+	    get() { apt-get -q update && apt-get -q install -y --no-install-recommends $(BROWSER_PACKAGES); }; \
+	    get || { sleep 5; get; } || echo 'Chromium is missing, and could not be installed: $(BROWSER_PACKAGES)' >&2; \
 	fi
 
 clean:

@@ -58,3 +58,17 @@ def engine(request: pytest.FixtureRequest) -> None:
     method = METHODS.get(str(parameters.get("method")))
     if method is not None and method.engine == "OpenGL":
         request.getfixturevalue("opengl")
+
+
+@pytest.fixture(scope="session")
+def browser() -> str:
+    """A headless browser. Without one a test fails; it skips only where UMBRAE_BROWSER=off says so, and never in CI."""
+    from browser import find
+
+    found = find()
+    if found is not None:
+        return found
+    missing = "no Chromium: on Debian, apt-get install chromium-headless-shell; UMBRAE_BROWSER names another"
+    if os.environ.get("UMBRAE_BROWSER") == "off" and not os.environ.get("CI"):
+        pytest.skip(missing)
+    pytest.fail(missing, pytrace=False)

@@ -8,7 +8,9 @@ from rich.console import Console
 from rich.table import Table
 
 from umbrae import files
-from umbrae.bench.compare import changes
+from umbrae.bench.compare import FEWEST, LEAST, Comparison, different_machines
+from umbrae.bench.compare import compare as compare_results
+from umbrae.bench.report.merge import merged
 from umbrae.bench.report.page import page
 from umbrae.bench.report.pictures import pairs
 from umbrae.bench.report.sections import section
@@ -31,7 +33,7 @@ def report(
 ) -> None:
     """Put results on one page: tables, plots, pictures; it needs no other file and asks for none."""
     files.check_writable(output, (".html", ".htm"))
-    sections = [section(load_result(path)) for path in results]
+    sections = merged([section(load_result(path)) for path in dict.fromkeys(results)])
     shown = list(pairs(Clock() if quiet else ConsoleClock())) if pictures else []
     files.save_text(output, page(sections, shown))
 
@@ -43,24 +45,36 @@ def compare(
 ) -> None:
     """Tell what became slower by more than runs differ among themselves; exit status 1 if anything did."""
     before, after = load_result(old), load_result(new)
-    found = list(changes(before, after))
-    if before.document["machine"]["cpu"] != after.document["machine"]["cpu"] or (
-        before.document["machine"].get("opengl") != after.document["machine"].get("opengl")
-    ):
+    found = compare_results(before, after)
+    if different_machines(before, after):
         note(f"measured on different machines: {before.machine}; {after.machine}")
-    slower = [change for change in found if change.slower]
-    faster = [change for change in found if change.beyond and not change.slower]
-    console = Console(highlight=False)
-    if slower or faster:
+    _show(found, Console(highlight=False))
+    if found.slower:
+        raise typer.Exit(1)
+
+
+def _show(found: Comparison, console: Console) -> None:
+    changed = (*found.slower, *found.faster)
+    if changed:
         rows = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         rows.add_column("", overflow="fold")
         for name in ("old ms", "new ms", "ratio"):
             rows.add_column(name, justify="right", no_wrap=True)
-        for change in sorted((*slower, *faster), key=lambda change: -change.ratio):
-            rows.add_row(change.name, f"{1e3 * change.old:.2f}", f"{1e3 * change.new:.2f}", f"{change.ratio:.2f}")
+        for one in changed:
+            rows.add_row(one.name, f"{1e3 * one.old:.2f}", f"{1e3 * one.new:.2f}", f"{one.ratio:.2f}")
         console.print(rows)
+    if len(found.changes) > 2 and max(found.middle, 1 / found.middle) >= LEAST:
+        side = "above" if found.middle > 1 else "below"
+        console.print(
+            f"half of all ratios are {side} {found.middle:.2f}: the machine may have been busy during one of the two",
+            markup=False,
+        )
+    for name in found.gone:
+        console.print(f"  {name}: not measured any more", markup=False)
+    for name in found.few:
+        console.print(f"  {name}: too few runs to tell, wanted {FEWEST}", markup=False)
     console.print(
-        f"{len(slower)} slower, {len(faster)} faster, of {len(found)}; all others within the spread of their runs"
+        f"{len(found.slower)} slower, {len(found.faster)} faster, of {len(found.changes)}; the others within the "
+        "spread of their runs",
+        markup=False,
     )
-    if slower:
-        raise typer.Exit(1)

@@ -8,66 +8,72 @@ import math
 from collections.abc import Sequence
 from html import escape
 
-from umbrae.bench.report.section import Plot
+from umbrae.bench.report.section import Curve, Plot
 
-WIDTH, HEIGHT = 640, 340
-_LEFT, _RIGHT, _TOP, _BOTTOM = 62, 12, 12, 46
-_MARKERS = ("circle", "square", "diamond", "triangle", "cross")
-_DASHES = ("", "6 3", "2 3", "8 3 2 3")
-_MOST = 10
+WIDTH, HEIGHT = 640, 360
+_LEFT, _RIGHT, _TOP, _BOTTOM = 70, 20, 38, 64
+_SHAPES = {
+    "circle": "m-4.2 0a4.2 4.2 0 1 0 8.4 0a4.2 4.2 0 1 0 -8.4 0z",
+    "square": "m-3.7 -3.7h7.4v7.4h-7.4z",
+    "diamond": "m0 -5.2l5.2 5.2l-5.2 5.2l-5.2 -5.2z",
+    "triangle": "m0 -5l5 8.8h-10z",
+    "cross": "m-4.8 -1.5h3.3v-3.3h3v3.3h3.3v3h-3.3v3.3h-3v-3.3h-3.3z",
+}
+_DASHES = ("", "7 3", "2 3", "8 3 2 3")
+_COLOURS = 10
+"""In the style sheet. Five shapes and a dash for each five curves: no two look the same, in grey neither."""
 
 
 def svg(plot: Plot) -> str:
     """A plot with its legend; empty where there is nothing to draw."""
-    curves = [(curve.name, _drawable(curve.points, plot.logarithmic)) for curve in plot.curves]
-    curves = [(name, points) for name, points in curves if points]
-    if not curves:
+    everything = [point for curve in plot.curves for point in curve.points if all(map(math.isfinite, point))]
+    if not everything:
         return ""
-    everything = [point for _, points in curves for point in points]
-    axes = [_Axis([point[i] for point in everything], plot.logarithmic[i]) for i in range(2)]
+    axes = [_Axis([point[i] for point in everything]) for i in range(2)]
 
     def place(point: tuple[float, float]) -> tuple[float, float]:
         x, y = (axis.share(value) for axis, value in zip(axes, point, strict=True))
         return _LEFT + x * (WIDTH - _LEFT - _RIGHT), HEIGHT - _BOTTOM - y * (HEIGHT - _TOP - _BOTTOM)
 
-    parts = [*_frame(axes, plot)]
-    for number, (_, points) in enumerate(curves):
-        placed = [place(point) for point in points]
-        dash = _DASHES[number // _MOST % len(_DASHES)]
-        style = f' stroke-dasharray="{dash}"' if dash else ""
-        if plot.joined:
-            line = " ".join(f"{x:.1f},{y:.1f}" for x, y in placed)
-            parts.append(f'<polyline class="line c{number % _MOST}"{style} points="{line}"/>')
-        parts += [_marker(number, x, y) for x, y in placed]
-    legend = "".join(
-        f'<li><svg viewBox="-7 -7 14 14" aria-hidden="true">{_marker(number, 0, 0)}</svg>{escape(name)}</li>'
-        for number, (name, _) in enumerate(curves)
-    )
+    parts, legend = _frame(axes, plot), []
+    for place_in_plot, curve in enumerate(plot.curves):
+        placed = [place(point) for point in curve.points if all(map(math.isfinite, point))]
+        number = place_in_plot if curve.number is None else curve.number
+        if placed:
+            parts.append(_drawn(curve, number, placed, plot.joined))
+            key = _drawn(curve, number, [(-18.0, 0.0), (18.0, 0.0)] if plot.joined else [(0.0, 0.0)], plot.joined, True)
+            legend.append(f'<li><svg viewBox="-18 -7 36 14" aria-hidden="true">{key}</svg>{escape(curve.name)}</li>')
+    title = escape(plot.title)
     return (
-        f'<figure><figcaption>{escape(plot.title)}</figcaption><svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" '
-        f'role="img" aria-label="{escape(plot.title)}">{"".join(parts)}</svg><ul class="legend">{legend}</ul></figure>'
+        f'<figure><figcaption>{title}</figcaption><svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
+        f'aria-label="{title}">{"".join(parts)}</svg><ul class="legend">{"".join(legend)}</ul></figure>'
     )
 
 
-def _drawable(points: Sequence[tuple[float, float]], logarithmic: tuple[bool, bool]) -> list[tuple[float, float]]:
-    return [
-        point
-        for point in points
-        if all(math.isfinite(value) and (value > 0 or not log) for value, log in zip(point, logarithmic, strict=True))
-    ]
+def _drawn(curve: Curve, number: int, points: Sequence[tuple[float, float]], joined: bool, key: bool = False) -> str:
+    """A curve's line and markers; as a key, one marker amid the line."""
+    look = f"c{number % _COLOURS}{' hollow' if curve.hollow else ''}"
+    dash = _DASHES[number // len(_SHAPES) % len(_DASHES)]
+    style = f' stroke-dasharray="{dash}"' if dash else ""
+    line = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+    parts = [f'<polyline class="line"{style} points="{line}"/>'] if joined and len(points) > 1 else []
+    shape = list(_SHAPES.values())[number % len(_SHAPES)]
+    for x, y in [(0.0, 0.0)] if key else points:
+        parts.append(f'<path class="mark" d="M{x:.1f} {y:.1f}{shape}"/>')
+    return f'<g class="{look}">{"".join(parts)}</g>'
 
 
 class _Axis:
-    """From values to shares of the way along an axis."""
+    """From values to shares of the way along an axis: logarithmic where they span a decade, else from 0."""
 
-    def __init__(self, values: Sequence[float], logarithmic: bool) -> None:
-        self._log = logarithmic
+    def __init__(self, values: Sequence[float]) -> None:
         low, high = min(values), max(values)
-        if logarithmic:
-            low, high = low / 1.15, high * 1.15
+        self._log = low > 0 and high >= 10 * low
+        if self._log:
+            self._low, self._high = low / 1.15, high * 1.15
         else:
-            low, high = min(low, 0.0), high + 0.05 * ((high - min(low, 0.0)) or 1.0)
-        self._low, self._high = low, high
+            low = min(low, 0.0)
+            self._low, self._high = low, high + 0.05 * ((high - low) or 1.0)
 
     def share(self, value: float) -> float:
         """0 at the lower end, 1 at the upper."""
@@ -76,18 +82,19 @@ class _Axis:
         return (value - self._low) / (self._high - self._low)
 
     def ticks(self) -> list[float]:
-        """Round values within, five or so."""
+        """Round values within, six or so."""
         if not self._log:
             step = 10.0 ** math.floor(math.log10((self._high - self._low) / 4))
             step *= next(factor for factor in (1, 2, 5, 10) if (self._high - self._low) / (step * factor) <= 6)
             return [k * step for k in range(math.ceil(self._low / step), math.floor(self._high / step) + 1)]
         first, last = math.floor(math.log10(self._low)), math.ceil(math.log10(self._high))
-        for steps in ((1, 2, 5), (1, 3), (1,)):
-            found = [step * 10.0**power for power in range(first, last + 1) for step in steps]
+        found: list[float] = []
+        for steps, every in (((1, 2, 5), 1), ((1, 3), 1), ((1,), 1), ((1,), 2), ((1,), 3)):
+            found = [step * 10.0**power for power in range(first, last + 1, every) for step in steps]
             found = [value for value in found if self._low <= value <= self._high]
-            if len(found) <= 8 or steps == (1,):
-                return found
-        return []
+            if len(found) <= 7:
+                break
+        return found
 
 
 def _frame(axes: Sequence[_Axis], plot: Plot) -> list[str]:
@@ -97,39 +104,23 @@ def _frame(axes: Sequence[_Axis], plot: Plot) -> list[str]:
     for value in axes[0].ticks():
         x = _LEFT + axes[0].share(value) * (right - _LEFT)
         parts.append(f'<path class="grid" d="M{x:.1f} {_TOP}V{bottom}"/>')
-        parts.append(f'<text x="{x:.1f}" y="{bottom + 16}" text-anchor="middle">{_number(value)}</text>')
+        parts.append(f'<text x="{x:.1f}" y="{bottom + 24}" text-anchor="middle">{_number(value)}</text>')
     for value in axes[1].ticks():
         y = bottom - axes[1].share(value) * (bottom - _TOP)
         parts.append(f'<path class="grid" d="M{_LEFT} {y:.1f}H{right}"/>')
-        parts.append(f'<text x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{_number(value)}</text>')
-    middle = (_TOP + bottom) / 2
+        parts.append(f'<text x="{_LEFT - 6}" y="{y + 5:.1f}" text-anchor="end">{_number(value)}</text>')
     parts.append(
-        f'<text class="name" x="{(_LEFT + right) / 2}" y="{HEIGHT - 8}" text-anchor="middle">{escape(plot.x)}</text>'
+        f'<text class="name" x="{(_LEFT + right) / 2}" y="{HEIGHT - 12}" text-anchor="middle">{escape(plot.x)}</text>'
     )
-    turned = f'transform="translate(14 {middle}) rotate(-90)" text-anchor="middle"'
-    parts.append(f'<text class="name" {turned}>{escape(plot.y)}</text>')
+    # Not turned: that would take the width of a phone, and a turned head.
+    parts.append(f'<text class="name" x="10" y="24">{escape(plot.y)}</text>')
     return parts
 
 
 def _number(value: float) -> str:
     if value == 0:
         return "0"
-    for size, unit in ((1e6, "M"), (1e3, "k")):
+    for size, unit in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
         if abs(value) >= size:
             return f"{value / size:.3g}{unit}"
     return f"{value:.3g}"
-
-
-def _marker(number: int, x: float, y: float) -> str:
-    """One of five shapes in one of ten colours."""
-    colour = f"mark c{number % _MOST}"
-    shape = _MARKERS[number % len(_MARKERS)]
-    if shape == "circle":
-        return f'<circle class="{colour}" cx="{x:.1f}" cy="{y:.1f}" r="4"/>'
-    path = {
-        "square": "m-3.6 -3.6h7.2v7.2h-7.2z",
-        "diamond": "m0 -5l5 5l-5 5l-5 -5z",
-        "triangle": "m0 -5l4.8 8.6h-9.6z",
-        "cross": "m-4.5 -1.3h3.2v-3.2h2.6v3.2h3.2v2.6h-3.2v3.2h-2.6v-3.2h-3.2z",
-    }[shape]
-    return f'<path class="{colour}" d="M{x:.1f} {y:.1f}{path}"/>'
