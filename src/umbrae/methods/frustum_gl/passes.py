@@ -28,7 +28,7 @@ SOLIDS, CULLED, FOUND, SHARES = QUEUE, UNSURE, QUEUE, UNSURE
 BOUNDS, GROUPS, MET = FRUSTA, QUEUE, UNSURE
 """Where those find others that use neither of these."""
 
-GROUP = 64
+GROUP = 128
 """Triangles that are culled together. More of them have wider boxes, and fewer would cost more than they save."""
 _BOUNDS_BYTES = 6 * 8
 FRUSTUM_BYTES = 12 * 16
