@@ -24,7 +24,7 @@ layout(std430, binding = 6) readonly buffer Places { uvec4 places[]; };
 layout(std430, binding = 7) readonly buffer Boxes { vec4 boxes[]; };
 layout(std430, binding = 8) readonly buffer Present { uint present[]; };
 layout(std430, binding = 9) readonly buffer Dark { uint dark[]; };
-layout(std430, binding = 10) readonly buffer Bounds { double bounds[]; };  // lowest x, y, z of a group, then highest
+layout(std430, binding = 10) readonly buffer Bounds { uint bounds[]; };  // bits of a group's lowest x, y, z, then highest
 layout(std430, binding = 13) readonly buffer Groups { int groups[]; };  // those that are asked about
 layout(std430, binding = 14) writeonly buffer Met { uint met[]; };  // for each of them
 uniform int count;  // of groups
@@ -97,8 +97,8 @@ void main() {
     if (group >= uint(count)) return;
     uint lane = gl_LocalInvocationID.x;
     int task = int(lane), at = 6 * groups[group];
-    low = dvec3(bounds[at], bounds[at + 1], bounds[at + 2]);
-    high = dvec3(bounds[at + 3], bounds[at + 4], bounds[at + 5]);
+    low = dvec3(number(bounds[at]), number(bounds[at + 1]), number(bounds[at + 2]));
+    high = dvec3(number(bounds[at + 3]), number(bounds[at + 4]), number(bounds[at + 5]));
     if (lane < uint(TURNS)) refined[lane] = 0u;
     if (lane == 0u) planes = 0u;
     memoryBarrierShared();
@@ -111,8 +111,8 @@ void main() {
     ivec2 node = ivec2(0);
     bool meets = false;
     while (true) {
-        int number = number_of(level, node), word = levels[level].z + number;
-        int child_at = levels[level - 1].w + 32 * number + int(lane);
+        int parent = number_of(level, node), word = levels[level].z + parent;
+        int child_at = levels[level - 1].w + 32 * parent + int(lane);
         bool refine = false;
         if (((present[word] & ~dark[word]) >> lane & 1u) != 0u) {
             vec3 lowest, highest;

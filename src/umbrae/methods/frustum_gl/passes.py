@@ -30,7 +30,7 @@ BOUNDS, GROUPS, MET = FRUSTA, QUEUE, UNSURE
 
 GROUP = 128
 """Triangles that are culled together. More of them have wider boxes, and fewer would cost more than they save."""
-_BOUNDS_BYTES = 6 * 8
+_BOUNDS_BYTES = 6 * 4
 FRUSTUM_BYTES = 12 * 16
 PAIR_BYTES = 8
 _DECIDERS = 512
@@ -209,7 +209,8 @@ class Passes:
             MET: made,
         }
         self._run("cull", len(groups), {**uniforms, "count": len(groups)}, buffers)
-        return np.frombuffer(made.read(4 * len(groups)), np.uint32) != 0
+        met: NDArray[np.bool_] = np.frombuffer(made.read(4 * len(groups)), np.uint32) != 0
+        return met
 
     def set_up(self, groups: Any, count: int, uniforms: Mapping[str, Any], defines: Defines) -> None:
         """Make the frusta of those of `count` triangles that let light through, or do not.
