@@ -15,7 +15,7 @@ from umbrae.methods.lit_clusters import LitClusters
 from umbrae.methods.triangle_clusters import cluster_triangles
 from umbrae.models import spheres, spheres_light
 
-CULLING = ("frustum", "smooth")
+CULLING = ("frustum", "frustum-gl", "smooth")
 """Methods with the option."""
 
 

@@ -14,7 +14,7 @@ from umbrae.light import Light
 from umbrae.mask import ShadowMask, add_stats
 from umbrae.methods.frustum_gl.exact import decide_pairs, shares_of_pairs
 from umbrae.methods.frustum_gl.layout import Part, View, parts_of, view_of
-from umbrae.methods.frustum_gl.passes import MOST_TASKS, PAIR_BYTES, Defines, Passes
+from umbrae.methods.frustum_gl.passes import GROUP, MOST_TASKS, PAIR_BYTES, Defines, Passes
 from umbrae.methods.frustum_gl.uploaded import Band, GpuShadow, UploadedSamples
 from umbrae.methods.method import Caster
 from umbrae.samples import ViewSamples
@@ -36,6 +36,7 @@ class FrustumGlCaster(Caster):
         scene: Scene,
         silhouette_planes: bool,
         skip_full: bool,
+        culling: bool,
         front_face_culling: bool,
         seed: int | None,
         clock: Clock | None,
@@ -48,10 +49,11 @@ class FrustumGlCaster(Caster):
         self._skips: Defines = {"SKIP_FULL": 1} if skip_full else {}
         self._seed = None if self.table is None else seed
         self._key: np.uint64 | None = None
-        self._culls = front_face_culling
+        self._culls_boxes, self._culls_faces = culling, front_face_culling
         self._batch, self._room = BATCH, ROOM
         with self.session.current() as current:
             self.passes = Passes(current, scene, self.table, self._seed is not None)
+        self._holds = _holds(self.passes.groups, len(scene.triangles), self.table)
         self._measure(clock)
 
     def _place(self, scene: Scene, clock: Clock | None) -> None:
@@ -64,9 +66,12 @@ class FrustumGlCaster(Caster):
         """Find what depends on where the vertices are."""
         scene = self.scene
         self._reach = float(np.abs(scene.bounds).max())
+        if self._culls_boxes:
+            with self.session.current() as current, stage(current, clock, "bounds"):
+                self.passes.bound()
         self._solids: Solids | None = None
         self._solid_of = None
-        if self._culls and len(scene.triangles):
+        if self._culls_faces and len(scene.triangles):
             with clock.span("solids"):
                 solid = np.ones(len(scene.triangles), bool) if self.table is None else self.table.kind == SOLID
                 self._solids = find_solids(scene.positions, scene.triangles, solid)
@@ -105,6 +110,7 @@ class FrustumGlCaster(Caster):
         stats = dict.fromkeys(names, 0)
         memory: dict[str, int] = {}
         merged = []
+        self._met = np.full(self._holds.shape, not self._culls_boxes)
         if self._seed is not None:
             self._key = key_of(self._seed, LIGHT, light.position)
             self.passes.draw_by(self._key)
@@ -131,7 +137,7 @@ class FrustumGlCaster(Caster):
             tuple(verdict for verdict, _ in merged),
             partial,
             self._key is not None,
-            stats | memory,
+            stats | {"culled": int(self._holds[~self._met].sum())} | memory,
         )
 
     def _face(self, light: Light) -> None:
@@ -159,13 +165,19 @@ class FrustumGlCaster(Caster):
             "see_through": see_through,
         }  # fmt: skip
         through = self.passes.through if see_through else {}
-        start, count = 0, len(self.scene.triangles)
-        left: list[NDArray[np.int32]] = []
+        groups = np.flatnonzero(self._holds[int(see_through)]).astype(np.int32)
+        if self._culls_boxes and len(groups):
+            with stage(self.session, clock, "culling"):
+                groups = groups[self.passes.cull(band, groups, uniforms)]
+            self._met[int(see_through), groups] = True
+        sent = self.passes.buffer(groups)
+        start, count = 0, GROUP * len(groups)
+        left: list[NDArray[np.int32]] = [np.zeros((0, 2), np.int32)]
         counted: list[dict[str, int]] = []
         while start < count:
             size = min(self._batch, count - start)
             with stage(self.session, clock, "setup"):
-                self.passes.set_up(size, {**uniforms, "first": start}, self._outlines)
+                self.passes.set_up(sent, size, {**uniforms, "first": start}, self._outlines)
             with stage(self.session, clock, "traversal"):
                 self.passes.traverse(band, self._room, uniforms, {**self._outlines, **self._skips, **through})
             with stage(self.session, clock, "decide"):
@@ -175,7 +187,7 @@ class FrustumGlCaster(Caster):
                 self._make_room(wanted, size)
                 # From the beginning: what was let through must not count twice.
                 start = 0
-                left.clear()
+                left = left[:1]
                 counted.clear()
                 if see_through:
                     self.passes.let_all_through(band)
@@ -230,6 +242,13 @@ class FrustumGlCaster(Caster):
         through = np.isin(table.kind, (EVEN, VARYING)) & ~table.closed[table.material_id]
         index = index[through[own[index]]]
         return np.stack([index, own[index]], axis=1).astype(np.int32)
+
+
+def _holds(groups: int, count: int, table: Transmission | None) -> NDArray[np.int64]:
+    """`(2, g)` how many of `count` triangles in each group are solid, and how many are not."""
+    solid = np.ones(count, bool) if table is None else table.kind == SOLID
+    group = np.arange(count) // GROUP
+    return np.stack([np.bincount(group[one], minlength=groups) for one in (solid, ~solid)])
 
 
 def _source(light: Light) -> tuple[float, ...]:

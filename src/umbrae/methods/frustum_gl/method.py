@@ -44,6 +44,9 @@ class FrustumGl(Method):
         Test the planes through the eye and the silhouette of the frustum as well (section 3.5).
     skip_full
         Leave out nodes that are in shadow already (section 3.5).
+    culling
+        Leave out groups of triangles whose box, extruded away from the light, surely meets no sample that is not dark,
+        before anything is computed about their triangles. It never changes a mask.
     front_face_culling
         Leave out the triangles of solids that face away from the light, as the option of `frustum` does.
     transparency, seed
@@ -52,6 +55,7 @@ class FrustumGl(Method):
 
     silhouette_planes: bool = True
     skip_full: bool = True
+    culling: bool = True
     front_face_culling: bool = False
     transparency: str = "exact"
     seed: int = 0
@@ -67,4 +71,5 @@ class FrustumGl(Method):
 
     def prepare(self, scene: Scene, clock: Clock | None = None) -> FrustumGlCaster:
         seed = self.seed if self.transparency == "stochastic" else None
-        return FrustumGlCaster(scene, self.silhouette_planes, self.skip_full, self.front_face_culling, seed, clock)
+        options = self.silhouette_planes, self.skip_full, self.culling, self.front_face_culling
+        return FrustumGlCaster(scene, *options, seed, clock)

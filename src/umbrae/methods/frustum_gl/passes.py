@@ -25,8 +25,12 @@ PLACES, BOXES, PRESENT, DARK, FRUSTA, COUNTERS, TASKS, QUEUE, UNSURE, VERDICT = 
 DIMMED, PARTIAL = 21, 22
 """Where the shaders find their buffers. In DIMMED is what casters let through: sums, or bits where chance decides."""
 SOLIDS, CULLED, FOUND, SHARES = QUEUE, UNSURE, QUEUE, UNSURE
+BOUNDS, GROUPS, MET = FRUSTA, QUEUE, UNSURE
 """Where those find others that use neither of these."""
 
+GROUP = 128
+"""Triangles that are culled together. More of them have wider boxes, and fewer would cost more than they save."""
+_BOUNDS_BYTES = 6 * 4
 FRUSTUM_BYTES = 12 * 16
 PAIR_BYTES = 8
 _DECIDERS = 512
@@ -79,11 +83,24 @@ class Passes:
         self._by_chance: Defines = {"BY_CHANCE": 1} if by_chance else {}
         self._colored = table is not None and len(table.colors) > 0
         self._kept: dict[int, Any] = {}
+        self._total = len(scene.triangles)
+        self._bounds = self.reserve(_BOUNDS_BYTES * self.groups)
+
+    @property
+    def groups(self) -> int:
+        """How many groups of triangles that follow each other there are."""
+        return -(-self._total // GROUP)
 
     def move(self, positions: NDArray[np.float32]) -> None:
         """Let the scene's vertices be at `positions (v, 3)`."""
         if positions.size:
             self._scene[POSITIONS].write(positions.tobytes())
+
+    def bound(self) -> None:
+        """Find the boxes around groups of triangles, which `cull` wants."""
+        if self.groups:
+            uniforms = {"total": self._total, "count": self.groups}
+            self._run("bounds", groups_of(self.groups), uniforms, {BOUNDS: self._bounds}, {"GROUP": GROUP})
 
     def draw_by(self, key: np.uint64) -> None:
         """Take the chances of a key from now on."""
@@ -181,18 +198,34 @@ class Passes:
         count = int(self._count()[_FRUSTA_MADE])
         return np.frombuffer(self._kept[FRUSTA].read(FRUSTUM_BYTES * count), np.uint32).reshape(count, -1)
 
-    def set_up(self, count: int, uniforms: Mapping[str, Any], defines: Defines) -> None:
-        """Make the frusta of those of `count` triangles from number `first` that let light through, or do not.
+    def cull(self, band: Band, groups: NDArray[np.int32], uniforms: Mapping[str, Any]) -> NDArray[np.bool_]:
+        """Which of the `groups (n,)` of triangles may shade a sample that is not dark."""
+        made = self._room(MET, 4 * len(groups))
+        buffers = {
+            **self._some(BOXES, PRESENT, DARK),
+            PLACES: band.places,
+            BOUNDS: self._bounds,
+            GROUPS: self.buffer(groups),
+            MET: made,
+        }
+        self._run("cull", len(groups), {**uniforms, "count": len(groups)}, buffers)
+        met: NDArray[np.bool_] = np.frombuffer(made.read(4 * len(groups)), np.uint32) != 0
+        return met
 
-        `first` and `see_through` are among the uniforms.
+    def set_up(self, groups: Any, count: int, uniforms: Mapping[str, Any], defines: Defines) -> None:
+        """Make the frusta of those of `count` triangles that let light through, or do not.
+
+        They stand in `groups`, a buffer of numbers of groups, from the triangle `first` in these. `first` and
+        `see_through` are among the uniforms.
         """
         counters = np.zeros(_COUNTERS, np.uint32)
         counters[[_FRUSTA_GROUPS, _TASKS_GROUPS]] = _GROUPS_X
         counters[[_FRUSTA_GROUPS + 2, _TASKS_GROUPS + 2]] = 1
         self._room(COUNTERS, counters.nbytes).write(counters.tobytes())
-        buffers = {**self._some(FACING, BOXES, COUNTERS), FRUSTA: self._room(FRUSTA, FRUSTUM_BYTES * count)}
-        given: Defines = {**defines, **self._materials, **self._by_chance}
-        self._run("setup", groups_of(count), {**uniforms, "count": count}, buffers, given)
+        frusta = self._room(FRUSTA, FRUSTUM_BYTES * count)
+        buffers = {**self._some(FACING, BOXES, COUNTERS), FRUSTA: frusta, GROUPS: groups}
+        given: Defines = {**defines, **self._materials, **self._by_chance, "GROUP": GROUP}
+        self._run("setup", groups_of(count), {**uniforms, "count": count, "total": self._total}, buffers, given)
 
     def traverse(self, band: Band, room: int, uniforms: Mapping[str, Any], defines: Defines) -> None:
         """Send the frusta down the tree."""
