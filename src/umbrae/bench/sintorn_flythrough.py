@@ -59,8 +59,8 @@ NOTE = (
     "method; that in time its method with culling beats z-fail at both sizes and is level with z-pass at 4096. "
     "'culled' leaves out those triangles of closed solids that face away from the light; the paper, those that face "
     "it. A tile test of frustum is of 16 frusta at once, one of frustum-gl of a single one. Nothing "
-    "else is culled. Volumes are silhouette-gs; their counter is of floats, so a side that counts twice is one update, and two with "
-    "the paper's stencil."
+    "else is culled. Volumes are silhouette-gs; their counter is of floats, so a side that counts twice is one "
+    "update, and two with the paper's stencil."
 )
 
 
