@@ -221,7 +221,7 @@ def test_layers_are_asked_for_in_whole_numbers(monkeypatch):
             render(scene, FRONT, layers=wrong)
     with pytest.raises(OptionError, match="seed: wanted a whole number from 0"):
         render(scene, FRONT, stochastic=-1)
-    sizes = iter([1 << 30] * 3)  # for the picture, the lists of triangles, another layer
+    sizes = iter([1 << 30] * 2)  # for the picture, another layer
     monkeypatch.setattr(umbrae.memory, "available_bytes", lambda: next(sizes, 1 << 16))
     with pytest.raises(CapacityError, match=r"the rest of a picture of 64 x 40 pixels in 2 layers \(fewer need less\)"):
         render(scene, FRONT)

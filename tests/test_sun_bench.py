@@ -188,7 +188,7 @@ def test_a_table_on_stdout_and_a_file_on_disk(capsys, folder):
 def test_json_is_all_there_is_on_stdout(capsys, folder):
     assert bench("--scene tiny --sensors 50 --suns 2 --json") == 0
     out, err = capsys.readouterr()
-    assert err == "" and [run["name"] for run in json.loads(out)["runs"]] == ["frustum", "mitsuba", "embreex"]
+    assert err == "" and [run["name"] for run in json.loads(out)["runs"]] == ["frustum", "mitsuba", "embreex", "warp"]
     assert not list(folder.iterdir())
 
 

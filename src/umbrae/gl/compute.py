@@ -11,6 +11,7 @@ GROUP = 64
 """Invocations in a group, for shaders that have no reason for another number."""
 _ROW = 65535
 """Groups side by side that every driver takes."""
+_ARGUMENTS, _ARGUMENT_BYTES = "arguments of an indirect dispatch", 12
 
 
 def groups_of(count: int) -> int:
@@ -44,7 +45,13 @@ def dispatch(
     if isinstance(groups, int):
         shader.run(min(groups, _ROW), -(-groups // _ROW))
     else:
-        shader.run_indirect(*groups)
+        # In a buffer of their own: where a shader also writes to the one that holds them, NVIDIA's driver loses what
+        # it writes.
+        if _ARGUMENTS not in session.kept:
+            session.kept[_ARGUMENTS] = session.moderngl.buffer(reserve=_ARGUMENT_BYTES)
+        own = session.kept[_ARGUMENTS]
+        session.moderngl.copy_buffer(own, groups[0], _ARGUMENT_BYTES, read_offset=groups[1])
+        shader.run_indirect(own)
     session.moderngl.memory_barrier()
 
 

@@ -51,7 +51,7 @@ void main() {
         dvec3 point = surface_point(index, shift);
         dvec3 v[3] = dvec3[3](corner(triangle, 0), corner(triangle, 1), corner(triangle, 2));
         bool outside = false, inside = true;
-        dvec3 sides = dvec3(0.0LF);
+        double sides[3];  // of an array: some compilers cannot write to a component by its number
         for (int edge = 0; edge < 4; edge++) {
             dvec2 found = edge == 3 ? plane_value(v[0], v[1], v[2], point, shift)
                 : side_value(v[edge], v[(edge + 1) % 3], point, shift);
@@ -63,7 +63,8 @@ void main() {
         if (inside) {
 #ifdef SEE_THROUGH
             // The distances from the side planes are barycentrics, but for their sum (section 3.2).
-            dvec3 share = share_of(triangle, sides.yzx / (sides.x + sides.y + sides.z));
+            double whole = sides[0] + sides[1] + sides[2];
+            dvec3 share = share_of(triangle, dvec3(sides[1], sides[2], sides[0]) / whole);
             dim(place, index, triangle, share);
 #else
             atomicOr(dark[word], bit);
