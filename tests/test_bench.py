@@ -19,7 +19,8 @@ from umbrae.bench.record import CaseResult, Record, RunnerResult, Times
 from umbrae.bench.runner import MethodRunner, Runner, exact_methods
 from umbrae.bench.scenes import FULL, QUICK, SCENES, BenchScene, extent
 from umbrae.mask import Guarantee, ShadowMask
-from umbrae.methods import METHODS
+from umbrae.methods import METHODS, make_method
+from umbrae.sampling import sample
 
 
 def roof():
@@ -384,3 +385,21 @@ def test_every_exact_method_but_the_oracle_takes_part():
 def test_the_named_scenes_are_there():
     assert set(QUICK) | set(FULL) < set(SCENES)
     assert not any(isinstance(SCENES[name].source, str) for name in QUICK)
+
+
+@pytest.mark.parametrize("directional", [True, False])
+def test_the_light_sees_all_samples_of_the_grazed_ground_in_a_line(directional):
+    setup = SCENES["grazed"]
+    scene = setup.load(None)
+    light, samples = setup.light(scene, directional), sample(scene, setup.camera(scene, 96, 54))
+    assert samples.covered.all()
+    seen = samples.position.astype(np.float64) - (0.0 if directional else light.position[:3])
+    axis = light.position[:3] / np.linalg.norm(light.position[:3])
+    depth = seen @ axis
+    if not directional:
+        seen = seen / depth[..., None]
+    flat = (seen - (seen @ axis)[..., None] * axis).reshape(-1, 3)
+    _, spread, _ = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)
+    assert spread[1] < 0.01 * spread[0]
+    dark = make_method("frustum").prepare(scene).shadow(light, samples).in_shadow
+    assert 0.2 < dark.mean() < 0.95

@@ -7,7 +7,7 @@ import pytest
 
 import umbrae as um
 from umbrae import cli, models
-from umbrae.bench import sintorn_flythrough, sintorn_memory, sintorn_variants
+from umbrae.bench import sintorn_flythrough, sintorn_layers, sintorn_memory, sintorn_variants
 from umbrae.bench.scenes import SCENES, BenchScene
 from umbrae.bench.sintorn_flythrough import OPERATIONS, run_flythrough
 from umbrae.bench.sintorn_memory import BUFFERS, MEMORY, PER_SAMPLE, run_memory
@@ -15,6 +15,7 @@ from umbrae.bench.sintorn_variants import LEAVES, over_ground, run_variants, wit
 from umbrae.bench.sweep import TIME, SweepRecord
 from umbrae.clock import Clock
 from umbrae.models.builder import Builder
+from umbrae.sampling import sample_layers
 from umbrae.transmission import EVEN, SOLID, VARYING, transmission_of
 
 FLIGHT = (((-6, 5, 6), (0, 0, 0)), ((0, 4, 7), (0, 0, 0)), ((6, 5, 6), (0, 0, 0)))
@@ -93,6 +94,16 @@ def test_variants_are_exact_but_for_chance():
     assert record.paper_ratio("textured", "card, frustum", "tree, GTX480") == pytest.approx(1.633, abs=1e-3)
 
 
+def test_layers_end_where_no_more_glass_is_and_each_is_exact():
+    record = sintorn_layers.run_layers(32, False, 1, (48, 48), Clock())
+    assert 8 < len(record.sweep.columns) < 32 and not record.broken
+    assert record.sweep.columns == tuple(str(1 + number) for number in range(len(record.sweep.columns)))
+    layers = sample_layers(sintorn_layers.glass(), sintorn_layers.views(1, (48, 48))[0].camera, 32)
+    for column, layer in zip(record.sweep.columns, layers, strict=True):
+        coloured, chance = (record.cell(f"frustum, {way}", column) for way in ("coloured", "by chance"))
+        assert coloured.guarantee == "exact" and coloured.checked == layer.covered.sum() and chance.guarantee == "none"
+
+
 @pytest.mark.usefixtures("opengl")
 def test_bytes_of_every_buffer_beside_the_papers():
     record = run_memory((32, 64), Clock())
@@ -119,6 +130,9 @@ def test_commands_print_write_and_refuse(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr(sintorn_memory, "SIZES", ())
     assert cli.run(["bench", "sintorn-memory", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["benchmark"] == "sintorn-memory"
+    monkeypatch.setattr(sintorn_layers, "SIZE", (16, 16))
+    assert cli.run(["bench", "sintorn-layers", "--layers", "2", "--frames", "1"]) == 0
+    assert "Glass behind glass" in capsys.readouterr().out
     for command in ("sintorn-flythrough", "sintorn-variants"):
         assert cli.run(["bench", command, "--scene", "spoon"]) == 2
         err = capsys.readouterr().err

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from umbrae.bench.flythrough import FlyThrough
-from umbrae.bench.scenes import SCENES, extent
+from umbrae.bench.scenes import MOVING, SCENES, extent
 from umbrae.camera import Camera
 from umbrae.light import Light
 from umbrae.scene import Scene
@@ -68,5 +68,5 @@ def _moved(light: Light, share: float, size: float) -> Light:
     """A point light moved by a share of the scene's extent; one far away by that share of its direction's length."""
     position = light.position.astype(np.float64)
     scale = float(np.linalg.norm(position[:3])) if light.is_directional else size
-    position[:3] += share * scale * np.array([1.0, 0.0, 0.5])
+    position[:3] += share * scale * np.array(MOVING)
     return replace(light, position=position.astype(np.float32))

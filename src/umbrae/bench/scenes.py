@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from umbrae import models
+from umbrae.bench.grazed import Grazed
 from umbrae.camera import Camera
 from umbrae.errors import ModelError
 from umbrae.files import load
@@ -15,6 +16,8 @@ from umbrae.scene import Scene
 
 TOWARDS = (-1.0, -2.0, -0.7)
 """The way that the directional light of every scene travels."""
+MOVING = (1.0, 0.0, 0.5)
+"""The way that lights move from run to run."""
 
 
 @dataclass(frozen=True)
@@ -78,10 +81,13 @@ def default_folder() -> Path | None:
     return folder if folder.is_dir() else None
 
 
+_GRAZED = Grazed(TOWARDS, MOVING)
+
 SCENES: dict[str, BenchScene] = {
     "pavilion": BenchScene(models.pavilion, view=models.pavilion_camera),
     "spheres-96k": BenchScene(lambda: models.spheres(triangles=96_000), point=models.spheres_light),
     "spheres-980k": BenchScene(lambda: models.spheres(triangles=980_000), point=models.spheres_light),
+    "grazed": BenchScene(_GRAZED.scene, view=_GRAZED.camera, point=_GRAZED.light),
     "sponza": BenchScene(
         "sponza/sponza.gltf",
         view=lambda width, height: Camera.look_at((-1000, 200, 60), (500, 350, -60), width=width, height=height),
@@ -92,4 +98,4 @@ SCENES: dict[str, BenchScene] = {
     "city": BenchScene("city/linz-center-2km.glb"),
 }
 QUICK = ("spheres-96k", "pavilion")
-FULL = ("spheres-96k", "spheres-980k", "sponza", "dragon-100k", "dragon-871k", "city")
+FULL = ("spheres-96k", "spheres-980k", "sponza", "dragon-100k", "dragon-871k", "city", "grazed")

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from umbrae.bench import sintorn_flythrough, sintorn_memory, sintorn_variants
+from umbrae.bench import sintorn_flythrough, sintorn_layers, sintorn_memory, sintorn_variants
 from umbrae.bench.command_options import Models, Output, begin, finish, known
 from umbrae.options import Json, Quiet
 
@@ -48,6 +48,22 @@ def variants(
     names = known(scene, sintorn_variants.SCENES)
     size = sintorn_variants.SIZE
     finish(sintorn_variants.run_variants(place, names, full, frames, size, clock), output, as_json)
+
+
+@app.command("sintorn-layers")
+def layers(
+    full: Annotated[bool, typer.Option("--full/--quick", help="On OpenGL too, or only on the CPU.")] = False,
+    most: Annotated[
+        int, typer.Option("--layers", min=1, max=32, metavar="N", help="How many.")
+    ] = sintorn_layers.LAYERS,
+    frames: Annotated[int, typer.Option(min=1, metavar="N", help="Timed frames of each.")] = 7,
+    output: Output = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure shadows on glass behind glass, layer by layer: Figure 1c of Sintorn et al. 2011."""
+    clock, _ = begin(None, output, as_json or quiet)
+    finish(sintorn_layers.run_layers(most, full, frames, sintorn_layers.SIZE, clock), output, as_json)
 
 
 @app.command("sintorn-memory")

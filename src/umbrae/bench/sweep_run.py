@@ -9,6 +9,7 @@ import numpy as np
 from umbrae.bench.case import View
 from umbrae.bench.measure import stopwatch
 from umbrae.bench.sweep import Cell, Sweep, SweepRecord
+from umbrae.camera import Camera
 from umbrae.clock import Clock
 from umbrae.errors import UmbraeError
 from umbrae.mask import ShadowMask
@@ -27,8 +28,8 @@ class Column:
     """One column: its name, how to come by its scene, and what is seen of it, one view a frame.
 
     `rows` are the methods of this column by name; a row that has none is left out. `looks` are functions that give the
-    scene other materials, for the rows that want them. The time is that of the shadows, or of a whole `picture`: its
-    samples, shadows and shading.
+    scene other materials, for the rows that want them. `seen` finds the samples. The time is that of the shadows, or of
+    a whole `picture`: its samples, shadows and shading.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Column:
     rows: Mapping[str, Method]
     looks: Mapping[str, Callable[[Scene], Scene]] = field(default_factory=dict)
     picture: bool = False
+    seen: Callable[[Scene, Camera], ViewSamples] = sample
 
 
 def run_sweep(sweep: Sweep, columns: Sequence[Column], check: int, clock: Clock) -> SweepRecord:
@@ -118,7 +120,7 @@ def _measure(column: Column, scene: Scene, check: int, clock: Clock) -> list[Cel
     rows = [_Row(name, method, looks[name]) for name, method in column.rows.items()]
     frames = [*[views[0]] * WARM_UPS, *views]
     for number, view in enumerate(frames):
-        timed = {one: stopwatch(partial(sample, one, view.camera)) for one in dict.fromkeys(looks.values())}
+        timed = {one: stopwatch(partial(column.seen, one, view.camera)) for one in dict.fromkeys(looks.values())}
         samples = {one: seen for one, (_, seen) in timed.items()}
         # Nobody always comes after the same one, and finds the caches as that one leaves them.
         first = number % max(1, len(rows))

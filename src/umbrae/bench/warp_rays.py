@@ -1,5 +1,6 @@
 """A comparator on the GPU: shadow rays through the tree of NVIDIA Warp."""
 
+import math
 from functools import lru_cache
 from importlib.util import find_spec
 from typing import Any
@@ -59,7 +60,8 @@ class WarpRunner(RayCaster):
     def shadow(self, light: Light, clock: Clock) -> Any:
         wp, kernel = _warp()
         if self._rays and self._tree is not None:
-            inputs = [self._tree.id, self._origins, wp.vec4(*light.position.tolist())]
+            farthest = math.inf if light.is_directional else 1.0
+            inputs = [self._tree.id, self._origins, wp.vec4(*light.position.tolist()), farthest]
             wp.launch(kernel, self._rays, inputs, [self._hit], device=self._device)
         wp.synchronize_device(self._device)
         return _Hits(self._hit)
@@ -91,11 +93,16 @@ def _warp() -> tuple[Any, Any]:
     wp.init()
 
     @wp.kernel  # type: ignore[untyped-decorator]
-    def any_hit(mesh: wp.uint64, origins: wp.array(dtype=wp.vec3), light: wp.vec4, hit: wp.array(dtype=wp.bool)):  # type: ignore[no-untyped-def,valid-type]
+    def any_hit(  # type: ignore[no-untyped-def]
+        mesh: wp.uint64,
+        origins: wp.array(dtype=wp.vec3),  # type: ignore[valid-type]
+        light: wp.vec4,
+        farthest: float,
+        hit: wp.array(dtype=wp.bool),  # type: ignore[valid-type]
+    ):
         i = wp.tid()
         origin = origins[i]
         direction = wp.vec3(light[0], light[1], light[2]) - light[3] * origin
-        farthest = wp.where(light[3] == 0.0, wp.inf, 1.0)
         hit[i] = wp.mesh_query_ray_anyhit(mesh, origin, direction, farthest)
 
     return wp, any_hit
