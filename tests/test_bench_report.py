@@ -206,13 +206,16 @@ def test_single_points_and_zeros_are_drawn(points):
 
 
 def test_a_page_of_all_results_is_well_formed_and_fetches_nothing():
-    found = Outline(text := page(merged([*(section(load_result(path)) for path in RESULTS)]), []))
+    sections = merged([section(load_result(path)) for path in RESULTS])
+    found = Outline(text := page(sections, []))
     assert found.all("html")[0]["lang"] == "en" and len(found.all("h1")) == 1
     names = {attributes["id"] for _, attributes in found.tags if "id" in attributes}
     assert len(names) == len(re.findall(r' id="', text))  # no name twice
     for attributes in found.all("a"):
         assert attributes["href"][0] == "#" and attributes["href"][1:] in names
-    assert len(found.all("h2")) == len(found.all("a")) == len(RESULTS)
+    assert len(found.all("h2")) == len(found.all("a")) == len(sections)
+    assert len({one.benchmark for one in sections}) == len({load_result(path).benchmark for path in RESULTS})
+    assert sum(len(one.machines) for one in sections) == len(RESULTS)
     for _, attributes in found.tags:
         assert attributes.get("src", "data:").startswith("data:") and "srcset" not in attributes
         assert attributes.get("aria-labelledby", next(iter(names))) in names

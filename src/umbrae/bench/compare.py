@@ -76,11 +76,14 @@ def compare(old: Result, new: Result) -> Comparison:
     Raises
     ------
     InputError
-        For results of different benchmarks, or that have nothing in common.
+        For results of different benchmarks, without times, or that have nothing in common.
     """
     if old.benchmark != new.benchmark:
         raise InputError(f"{new.path} is of {new.benchmark}, {old.path} of {old.benchmark}: wanted the same benchmark")
     before, after = old.times(), new.times()
+    for result, times in ((old, before), (new, after)):
+        if not times:
+            raise InputError(f"{result.path}: {result.benchmark} has no times to compare")
     both = [name for name in after if name in before]
     if not both:
         raise InputError(f"{new.path} and {old.path} have no measurement in common")
