@@ -114,6 +114,7 @@ def _pictures(
     """PyVista's pictures without shadows and with: everything white, the light alone."""
     import pyvista
 
+    pyvista.vtk_verbosity("off")  # VTK looks for a screen first, and complains
     faces = np.concatenate([np.full((len(triangles), 1), 3), triangles], axis=1)
     mesh = pyvista.PolyData(np.array(positions), faces.ravel())
     low, high = positions.min(axis=0).astype(np.float64), positions.max(axis=0).astype(np.float64)

@@ -12,14 +12,13 @@ from umbrae.gl.compute import clear, dispatch, groups_of
 from umbrae.gl.context import Session
 from umbrae.methods.frustum_gl.layout import Part
 from umbrae.methods.frustum_gl.materials import material_arrays
+from umbrae.methods.frustum_gl.pack import with_packed
 from umbrae.methods.frustum_gl.tiles import BRANCH, Tiles
 from umbrae.methods.frustum_gl.uploaded import Band
 from umbrae.scene import Scene
 from umbrae.transmission import Transmission
 
 HERE = Path(__file__).parent
-BACKGROUND, FREE = np.int32(-1), np.int32(-2)
-"""In place of a sample's own triangle, as in `gl/include/samples.glsl`."""
 POSITIONS, TRIANGLES, FACING, SAMPLES, NUMBERS = range(5)
 PLACES, BOXES, PRESENT, DARK, FRUSTA, COUNTERS, TASKS, QUEUE, UNSURE, VERDICT = range(6, 16)
 DIMMED, PARTIAL = 21, 22
@@ -116,18 +115,11 @@ class Passes:
 
     def upload(self, part: Part, view: Mapping[str, Any]) -> Band:
         """Samples in buffers, and their places as `view` has them."""
-        samples, count = part.samples, part.samples.size
-        own = samples.triangle.reshape(-1)
-        given = np.empty((count, 4), np.int32)
-        given[:, 0] = np.where(samples.covered.reshape(-1), np.where(own < 0, FREE, own), BACKGROUND)
-        given[:, 1:3] = samples.barycentric.reshape(-1, 2).view(np.int32)
-        given[:, 3] = samples.side.reshape(-1)
-        free = np.flatnonzero(own < 0)
-        given[free, 1:] = samples.position.reshape(-1, 3)[free].view(np.int32)
         numbers = None
         if self._by_chance:
-            numbers = self.buffer(part.numbers(np.arange(count, dtype=np.int32)).astype(np.uint32))
-        made = Band(part, self.buffer(given), self.reserve(16 * part.tiles.places), numbers)
+            numbers = self.buffer(part.numbers(np.arange(part.samples.size, dtype=np.int32)).astype(np.uint32))
+        given = with_packed(part.samples, self.session.moderngl.buffer)
+        made = Band(part, given, self.reserve(16 * part.tiles.places), numbers)
         uniforms = {**view, **part.tiles.uniforms, "count": part.tiles.places}
         buffers = {SAMPLES: made.given, PLACES: made.places}
         self._run("place", groups_of(part.tiles.places), uniforms, buffers)
