@@ -1,5 +1,6 @@
 """What every method promises, on every small scene, under every kind of light. A new method joins by its one line."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,10 @@ from PIL import Image
 
 from soups import SOUPS, TRANSPARENT, Soup
 from truth import rational_transmittance
-from umbrae import METHODS, Camera, Guarantee, InputError, Light, Scene, ShadowMask, ViewSamples, sample, verify
+from umbrae import METHODS, Camera, Guarantee, InputError, Light, Scene, ShadowMask, ViewSamples, sample
 from umbrae.methods.method import Method
 from umbrae.methods.oracle import Oracle
+from umbrae.verify import Truth
 
 FAILURES = Path(__file__).parent / "failures"
 
@@ -66,6 +68,20 @@ def image_samples(scene: Scene, soup: Soup) -> ViewSamples:
     return sample(scene, Camera.look_at(soup.eye, soup.target, fov_y=60, width=40, height=28))
 
 
+@cache
+def truth_of_picture(name: str, kind: str) -> Truth:
+    """What the oracle says of the picture; asked once for all methods."""
+    soup = SOUPS[name]
+    return Truth.find(soup.scene, lights_of(soup)[kind], image_samples(soup.scene, soup))
+
+
+@cache
+def truth_of_points(name: str, kind: str) -> Truth:
+    """The same of points in and around the soup."""
+    soup = SOUPS[name]
+    return Truth.find(soup.scene, lights_of(soup)[kind], scattered_samples(soup.scene))
+
+
 def report_failure(name: str, mask: ShadowMask, truth: ShadowMask, samples: ViewSamples, wrong: int) -> str:
     """Write mask, truth and difference as pictures; name the first wrong sample."""
     FAILURES.mkdir(exist_ok=True)
@@ -108,8 +124,8 @@ def test_scenes_that_let_light_through_are_refused(method, name):
 def test_picture_keeps_the_guarantee(method, name, kind, request):
     if METHODS[method].engine == "OpenGL":
         request.getfixturevalue("opengl")
-    soup = SOUPS[name]
-    light, samples = lights_of(soup)[kind], image_samples(soup.scene, soup)
+    soup, light = SOUPS[name], lights_of(SOUPS[name])[kind]
+    samples = image_samples(soup.scene, soup) if method == "oracle" else truth_of_picture(name, kind).samples
     mask = quick(method).prepare(soup.scene).shadow(light, samples)
     assert mask.in_shadow.shape == samples.shape
     assert mask.transmittance.shape == (*samples.shape, 3)
@@ -125,7 +141,8 @@ def test_picture_keeps_the_guarantee(method, name, kind, request):
         np.testing.assert_array_equal(mask.in_shadow.reshape(-1)[chosen], (truth == 0).all(axis=1))
         np.testing.assert_allclose(mask.transmittance.reshape(-1, 3)[chosen], truth, 0, 2.0**-24)
         return
-    verdict = verify(soup.scene, light, samples, mask)
+    verdict = truth_of_picture(name, kind).judge(mask)
+    assert verdict.checked == samples.covered.sum()
     if not verdict.ok:
         truth = Oracle().prepare(soup.scene).shadow(light, samples)
         pytest.fail(report_failure(f"{method} {name} {kind}", mask, truth, samples, int(verdict.wrong[0])))
@@ -153,10 +170,10 @@ def scattered_samples(scene: Scene) -> ViewSamples:
     ],
 )
 def test_points_keep_the_guarantee(method, name):
-    scene, samples = SOUPS[name].scene, scattered_samples(SOUPS[name].scene)
-    caster = METHODS[method]().prepare(scene)
-    for kind, light in lights_of(SOUPS[name]).items():
-        verdict = verify(scene, light, samples, caster.shadow(light, samples))
+    caster = METHODS[method]().prepare(SOUPS[name].scene)
+    for kind in lights_of(SOUPS[name]):
+        truth = truth_of_points(name, kind)
+        verdict = truth.judge(caster.shadow(truth.light, truth.samples))
         assert verdict.ok, f"{kind}: the first wrong sample is {verdict.wrong[0]}"
 
 
