@@ -408,7 +408,9 @@ def on_own_edges(scene: Scene) -> ViewSamples:
     return samples.take(np.flatnonzero(inner))
 
 
-@pytest.mark.parametrize("method", [Frustum(), Frustum(transparency="stochastic"), Oracle()], ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "method", [Frustum(), Frustum(transparency="stochastic"), Oracle(light_samples=8)], ids=lambda m: m.name
+)
 @pytest.mark.parametrize(
     "light",
     [

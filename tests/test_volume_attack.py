@@ -165,7 +165,7 @@ def test_an_inverted_mask_is_wrong_however_far_the_light_and_how_often_the_trian
     plate, floor = [(-1, 1, -1), (1, 1, -1), (0, 1, 1)], [(-4, 0, -4), (4, 0, -4), (4, 0, 4), (-4, 0, 4)]
     scene = Scene(plate + floor, [(0, 1, 2), (3, 4, 5), (3, 5, 6)] * times)
     light = Light(np.array(position, np.float32))
-    samples = sample(scene, Camera.look_at((0, 3, 8), (0, 0, 0), width=160, height=120))
+    samples = sample(scene, Camera.look_at((0, 3, 8), (0, 0, 0), width=80, height=60))
     mask = METHODS["silhouette-cpu"]().prepare(scene).shadow(light, samples)
     assert verify(scene, light, samples, mask).ok
     verdict = verify(scene, light, samples, dataclasses.replace(mask, in_shadow=~mask.in_shadow & samples.covered))
