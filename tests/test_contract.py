@@ -136,7 +136,7 @@ def test_picture_keeps_the_guarantee(method, name, kind, request):
     if method == "oracle":
         # The truth itself is held against plain rationals, on a part of the picture: they are slow.
         chosen = np.flatnonzero(samples.covered.reshape(-1))
-        chosen = np.random.default_rng(1).permutation(chosen)[: 2000 // max(1, len(soup.scene.triangles))]
+        chosen = np.random.default_rng(1).permutation(chosen)[: 1000 // max(1, len(soup.scene.triangles))]
         truth = rational_transmittance(soup.scene, light, samples.take(chosen))
         np.testing.assert_array_equal(mask.in_shadow.reshape(-1)[chosen], (truth == 0).all(axis=1))
         np.testing.assert_allclose(mask.transmittance.reshape(-1, 3)[chosen], truth, 0, 2.0**-24)

@@ -218,9 +218,9 @@ def test_chances_of_lists_go_by_their_order(monkeypatch):
 
 def test_chances_do_not_depend_on_bands_batches_or_room(monkeypatch):
     scene, light = mixed(1, count=60), Light.point((1, 5, 2))
-    samples = sample(scene, Camera.look_at((2, 4, 5), (0, -1, 0), fov_y=60, width=150, height=80), 4)
+    samples = sample(scene, Camera.look_at((2, 4, 5), (0, -1, 0), fov_y=60, width=75, height=40), 4)
     whole = by_chance(scene, light, samples)
-    monkeypatch.setattr(layout, "BLOCK", 9000)
+    monkeypatch.setattr(layout, "BLOCK", 3000)
     monkeypatch.setattr(frames, "BATCH", 7)
     monkeypatch.setattr(frames, "ROOM", 2)
     np.testing.assert_array_equal(by_chance(scene, light, samples).partial, whole.partial)

@@ -21,6 +21,9 @@ from umbrae.options import Quiet
 
 app = typer.Typer(rich_markup_mode=None)
 
+FIRST = ("rays", "sun")
+"""What comes before the papers' tables on the page; all else in the order of the files."""
+
 
 @app.command()
 def report(
@@ -34,6 +37,7 @@ def report(
     """Put results on one page: tables, plots, pictures; it needs no other file and asks for none."""
     files.check_writable(output, (".html", ".htm"))
     sections = merged([section(load_result(path)) for path in dict.fromkeys(results)])
+    sections.sort(key=lambda one: one.benchmark not in FIRST)
     shown = list(pairs(Clock() if quiet else ConsoleClock())) if pictures else []
     files.save_text(output, page(sections, shown))
 

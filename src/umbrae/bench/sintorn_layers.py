@@ -10,7 +10,7 @@ from umbrae.bench.sweep_run import Column, run_sweep
 from umbrae.camera import Camera
 from umbrae.clock import Clock
 from umbrae.light import Light
-from umbrae.methods import Method, make_method
+from umbrae.methods import make_method
 from umbrae.samples import ViewSamples
 from umbrae.sampling import sample_layers
 from umbrae.scene import Scene
@@ -46,13 +46,9 @@ def views(frames: int, size: tuple[int, int]) -> list[View]:
 
 
 def run_layers(layers: int, opengl: bool, frames: int, size: tuple[int, int], clock: Clock) -> SweepRecord:
-    """All light that passes, and light that passes by chance, on each layer in turn, as far as there are so many."""
+    """Each layer in turn, as far as there are so many, by `frustum` and by `frustum-gl`."""
     scene, seen = glass(), views(frames, size)
-    rows: dict[str, Method] = {
-        f"{name}, {way}": make_method(name, transparency=transparency)
-        for name in ("frustum", "frustum-gl")[: 1 + opengl]
-        for way, transparency in (("coloured", "exact"), ("by chance", "stochastic"))
-    }
+    rows = {name: make_method(name) for name in ("frustum", "frustum-gl")[: 1 + opengl]}
     columns = [
         Column(str(number), lambda: scene, lambda _: seen, rows, seen=partial(_layer, number))
         for number, _ in enumerate(sample_layers(scene, seen[0].camera, layers), 1)
@@ -63,7 +59,7 @@ def run_layers(layers: int, opengl: bool, frames: int, size: tuple[int, int], cl
         "Sintorn, Olsson, Assarsson 2011, Figure 1c",
         "layer",
         tuple(column.name for column in columns),
-        "frustum, coloured",
+        "frustum",
         size=size,
         note=NOTE,
     )

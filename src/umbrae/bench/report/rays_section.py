@@ -98,7 +98,7 @@ def _plots(ran: Sequence[_Ran]) -> list[Plot]:
         if len({one.result.triangles for one in chosen}) > 1:
             curves = _curves(chosen, lambda one: float(one.result.triangles), lambda one: one.time("cold"))
             title = f"Time over triangles, cold: {light} light, {width:,} pixels wide"
-            plots.append(Plot(title, "triangles", "milliseconds", curves))
+            plots.append(Plot(title, "triangles", "milliseconds", curves, joined=False))
     if any(one.wrong for one in ran):
         curves = _curves(ran, lambda one: one.time("cold"), lambda one: one.wrong)
         plots.append(

@@ -18,7 +18,7 @@ def sweep_section(record: SweepRecord, machine: str) -> Section:
         if not quantity.comparable:
             grids.append(_ratios(record, quantity))
         plots += _curves(record, quantity)
-    if any(cell.wrong for cell in record.cells):
+    if any(cell.wrong and cell.seconds for cell in record.cells):
         grids.append(_wrong(record))
         plots.append(_wrong_beside_time(record))
     skipped: dict[tuple[str, str], list[str]] = {}
@@ -54,7 +54,7 @@ def _values(record: SweepRecord, quantity: Quantity) -> Grid:
         for device, values in theirs:
             dim.add(len(rows))
             rows.append((f"paper: {device}", *_written(values, quantity.form)))
-    return _grid(record, f"{quantity.name.capitalize()}, {quantity.unit}", rows, dim)
+    return _grid(record, f"{_capital(quantity.name)}, {quantity.unit}", rows, dim)
 
 
 def _ratios(record: SweepRecord, quantity: Quantity) -> Grid:
@@ -69,7 +69,7 @@ def _ratios(record: SweepRecord, quantity: Quantity) -> Grid:
         for device, values in theirs:
             dim.add(len(rows))
             rows.append((f"paper: {device}", *_written(values, "{:.2f}")))
-    return _grid(record, f"{quantity.name.capitalize()} over that of {record.sweep.base}", rows, dim)
+    return _grid(record, f"{_capital(quantity.name)} over that of {record.sweep.base}", rows, dim)
 
 
 def _told(
@@ -100,6 +100,10 @@ def _grid(record: SweepRecord, caption: str, rows: Sequence[Sequence[str]], dim:
     return Grid(caption, (record.sweep.axis, *record.sweep.columns), rows, frozenset(dim))
 
 
+def _capital(name: str) -> str:
+    return name[:1].upper() + name[1:]
+
+
 def _written(values: Sequence[float | None], form: str) -> list[str]:
     return ["" if value is None else form.format(value) for value in values]
 
@@ -112,7 +116,9 @@ def _curves(record: SweepRecord, quantity: Quantity) -> Iterator[Plot]:
         place = _place(column)
         if place is not None:
             group, x, of_size = place
-            groups.setdefault((group, "pixels" if of_size else last), {})[x] = column
+            # Where all columns have the same pixels, A x B are so many things.
+            axis = "pixels" if of_size and record.sweep.size is None else last
+            groups.setdefault((group, axis), {})[x] = column
     for (group, axis), columns in groups.items():
         curves = []
         for row in record.rows:
@@ -121,8 +127,8 @@ def _curves(record: SweepRecord, quantity: Quantity) -> Iterator[Plot]:
             points = [(x, value) for x, value in values if value is not None]
             if points:
                 curves.append(Curve(row, points))
-        if len(columns) > 1 and curves:
-            title = f"{quantity.name.capitalize()} over {axis}{', ' if group else ''}{group}"
+        if any(len(curve.points) > 1 for curve in curves):
+            title = f"{_capital(quantity.name)} over {axis}{', ' if group else ''}{group}"
             yield Plot(title, axis, quantity.unit, curves)
 
 
