@@ -101,8 +101,7 @@ def test_a_table_of_a_paper_has_values_ratios_and_the_papers():
 
 def test_columns_with_the_same_word_and_several_numbers_are_a_plot():
     plots = {plot.title: plot for plot in sweep_section(RECORD, "").plots}
-    assert list(plots) == ["Time over triangles, 10", "Tests over triangles, 10", "Memory over triangles, 10",
-                           "Wrong samples beside time"]  # fmt: skip
+    assert list(plots) == ["Time over triangles, 10", "Wrong samples beside time"]  # of the others, one point each
     fast, slow = plots["Time over triangles, 10"].curves
     assert fast.points == [(1000.0, 20.0), (64000.0, 200.0)] and slow.points == [(1000.0, 50.0)]
     wrong = plots["Wrong samples beside time"]
