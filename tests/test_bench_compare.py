@@ -166,6 +166,12 @@ def test_what_is_no_result_is_refused_in_a_line(tmp_path, capsys, text, command)
     assert "bad.json" in err and err.count("\n") == 1 and out == "" and not (tmp_path / "page.html").exists()
 
 
+def test_a_page_takes_no_note_that_is_no_text(tmp_path, capsys):
+    path = changed(tmp_path / "bad.json", "milet-overall.json", lambda document: document["sweep"].update(note=7))
+    assert cli.run(["bench", "report", str(path), "--no-pictures", "-o", str(tmp_path / "page.html")]) == 2
+    assert "bad.json: damaged" in capsys.readouterr().err and not (tmp_path / "page.html").exists()
+
+
 @pytest.mark.parametrize(("factor", "told"), [(1.2, True), (1.03, False)])
 def test_a_machine_that_was_busy_is_suspected(tmp_path, capsys, factor, told):
     """All of it slower, contestants of others too: hardly the work of one's own change."""

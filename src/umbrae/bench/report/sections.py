@@ -23,7 +23,10 @@ def section(result: Result) -> Section:
     """
     make = _SECTIONS.get(result.benchmark, _sweep)
     try:
-        return make(result)
+        made = make(result)
+        if not all(isinstance(text, str) for text in (made.title, *made.notes)):
+            raise TypeError("a title or a note is no text")
+        return made
     except (AttributeError, IndexError, KeyError, TypeError, ZeroDivisionError) as error:
         raise damaged(result.path, error) from error
 
