@@ -5,12 +5,13 @@ The shadow predicate needs nothing but signs of
     dot = sum over x, y, z of (a_1 + a_2 + ...) (b_1 + b_2 + ...)
 
 where every a and b is one float32 number or a product of two. A product of two float32 numbers (24 bits each) is an
-exact float64 (53 bits), and a product of two such numbers is exactly a pair of float64 (`two_product`). So the sum is
-a sum of float64 numbers without any rounding, collected in an expansion: numbers that do not overlap, ordered by
+exact float64 (53 bits), and a product of any two float64 numbers is exactly a pair of them (`two_product`). So the sum
+is a sum of float64 numbers without any rounding, collected in an expansion: numbers that do not overlap, ordered by
 magnitude, of which the last one has the sign of the whole.
 
-Range: with coordinates up to 1e18 the products stay below 1e80; the smallest nonzero part of a product of four float32
-numbers is at least 2**-596. Neither end of float64's range is ever near.
+Range: with coordinates up to 1e18 the products stay below 1e80. A product of two float32 numbers is a multiple of
+2**-298, so are all parts of a sum of them, and what these are multiplied to has parts that are multiples of 2**-596.
+Neither end of float64's range is ever near.
 """
 
 import numpy as np
@@ -66,18 +67,23 @@ def dot_sign(a, a_count, b, b_count):
     """Sign (-1, 0, +1) of the dot product of two vectors whose components are sums.
 
     `a` and `b` are `(3, MAX_TERMS)` float64; `a_count` and `b_count` say how many summands each component has. Each
-    summand must be a float32 number or a product of two.
+    summand must be a float32 number or a product of two. Each component is summed up before it is multiplied: of six
+    summands one to three parts are left as a rule, and so a tenth of the products.
     """
-    parts = np.empty(_MAX_PARTS)
+    parts, a_parts, b_parts = np.empty(_MAX_PARTS), np.empty(MAX_TERMS), np.empty(MAX_TERMS)
     count = 0
     for axis in range(3):
+        a_length = b_length = 0
         for i in range(a_count):
-            for j in range(b_count):
-                if a[axis, i] != 0.0 and b[axis, j] != 0.0:
-                    product, error = two_product(a[axis, i], b[axis, j])
-                    if error != 0.0:
-                        count = grow(parts, count, error)
-                    count = grow(parts, count, product)
+            a_length = grow(a_parts, a_length, a[axis, i])
+        for j in range(b_count):
+            b_length = grow(b_parts, b_length, b[axis, j])
+        for i in range(a_length):
+            for j in range(b_length):
+                product, error = two_product(a_parts[i], b_parts[j])
+                if error != 0.0:
+                    count = grow(parts, count, error)
+                count = grow(parts, count, product)
     if count == 0:
         return 0
     return 1 if parts[count - 1] > 0.0 else -1
